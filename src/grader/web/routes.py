@@ -3,16 +3,21 @@
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
+from grader.web.author import draft
+from grader.web.cohort import alike_page, answers_page, learner_page, scripts_page, slides
 from grader.web.frame import assets
 from grader.web.instructor import (
     courses,
+    dates,
     extensions,
     gradebook,
     people,
     platforms,
+    reel,
     regrades,
     review,
     review_list,
+    review_script,
     seen_as,
     service,
     statistics,
@@ -23,8 +28,9 @@ from grader.web.platform import lti
 from grader.web.signing_in import devices, links, oidc
 
 router = APIRouter(include_in_schema=False)
-for room in (pages, answering, links, oidc, devices, today, review_list, review, people, gradebook, statistics,
-             extensions, service, seen_as, regrades, lti, platforms, courses):  # fmt: skip
+for room in (pages, answering, links, oidc, devices, today, review_list, review, review_script, people, gradebook,
+             reel, statistics, extensions, service, seen_as, regrades, lti, platforms, courses, dates,
+             answers_page, scripts_page, slides, learner_page, alike_page, draft):  # fmt: skip
     router.routes.extend(room.router.routes)
 
 

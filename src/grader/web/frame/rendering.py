@@ -10,12 +10,11 @@ from fastapi.responses import Response
 from fastapi.templating import Jinja2Templates
 from jinja2 import ChoiceLoader, FileSystemLoader, FunctionLoader
 
-from grader.courses.rules.policy import spoken
 from grader.gate.services import services_in
 from grader.questions import installed_kinds, template_of
 from grader.store import platforms
 from grader.web.frame.assets import static
-from grader.web.text import numbers
+from grader.web.text import moments, numbers
 from grader.web.text.prose import cached_prose
 from grader.web.verdict import card
 
@@ -65,13 +64,15 @@ templates.env.loader = ChoiceLoader([FileSystemLoader(ROOM / "templates"), Funct
 templates.env.trim_blocks = templates.env.lstrip_blocks = True
 templates.env.globals["static"] = static
 templates.env.filters |= {
+    "clock": moments.tag_clock,
     "fraction": numbers.fraction,
     "lines_linked": card.link_lines,
+    "moment": moments.tag_moment,
+    "moments": moments.tag_moments,
     "number": numbers.number,
     "plain": "{:.12g}".format,
     "points": numbers.points,
     "prose": cached_prose,
-    "spoken": spoken,
     "remark": numbers.remark,
     "unbroken": numbers.unbroken,
 }

@@ -7,11 +7,11 @@ from threading import Lock
 from typing import Any
 
 from grader.certify import Certificate
-from grader.certify.keys import certify_quizzes
-from grader.certify.remarks import UNVERIFIED, Luck, estimate_luck, is_decidable
-from grader.library import Library
+from grader.certify.keys import bound_luck, certify_quizzes
+from grader.certify.remarks import UNVERIFIED, Luck, is_decidable
+from grader.library import NOTHING_PASSED, Library, PassedChecks
 from grader.questions import AnswerKey, Question, kind_of
-from grader.web.instructor.certificate_text import describe_luck, word_key
+from grader.web.text.certificates import describe_luck, word_key
 from grader.web.text.questions import shorten_title
 
 LUCKS_MAX = 1000
@@ -25,15 +25,17 @@ class _Keyed:
     digest: str
     quiz: str
     library: Library = field(compare=False)
+    passed: PassedChecks = field(compare=False)
 
 
-def list_certificates(library: Library, *, with_luck: bool = False) -> list[dict[str, Any]]:
+def list_certificates(
+    library: Library, passed: PassedChecks = NOTHING_PASSED, *, with_luck: bool = False
+) -> list[dict[str, Any]]:
     """Returns a row for every question with an answer key, and for every exercise. Those of a quiz are derived again
-    when its content changes. The chance of luck at an exercise takes seconds: it is computed `with_luck` alone, and
-    told again as long as the quiz stays the same."""
-    return [
-        row for quiz in library.quizzes for row in list_rows(_Keyed(library.digest(quiz), quiz, library), with_luck)
-    ]
+    when its content changes and they have not `passed` before. The chance of luck at an exercise takes seconds: it is
+    computed `with_luck` alone, and told again as long as the quiz stays the same."""
+    every = [_Keyed(library.digest(quiz), quiz, library, passed) for quiz in library.quizzes]
+    return [row for keyed in every for row in list_rows(keyed, with_luck)]
 
 
 def list_rows(keyed: _Keyed, with_luck: bool) -> Iterator[dict[str, Any]]:
@@ -62,7 +64,7 @@ class Lucks:
             if at not in self._known:
                 if len(self._known) >= LUCKS_MAX:
                     self._known.clear()
-                self._known[at] = estimate_luck(question, keyed.library.model_xml, keyed.library.text)
+                self._known[at] = bound_luck(keyed.library, question, keyed.passed)
             return self._known[at]
 
 
@@ -80,7 +82,7 @@ def _certified(keyed: _Keyed) -> tuple[dict[str, Any], ...]:
             else choose_title(one.question),
             **word_certificate(one.key, one.certificate),
         }
-        for one in certify_quizzes(keyed.library, [keyed.quiz])
+        for one in certify_quizzes(keyed.library, [keyed.quiz], keyed.passed)
     )
 
 

@@ -8,22 +8,26 @@ from fastapi.responses import RedirectResponse, Response
 from pydantic import ValidationError
 
 from grader.courses.answering import publication, results
+from grader.courses.answering.policies import read_policies
 from grader.courses.people.identity import Identity
 from grader.courses.people.namesakes import marked, marks_in
-from grader.domain.policy import Extension
+from grader.domain.policy import Extension, Policy
 from grader.errors import Unprocessable
 from grader.gate.services import AppServices, Services
 from grader.store import extensions, people
 from grader.store.tables import ExtensionRow, Member
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
-from grader.web.learner.lesson import format_day
 from grader.web.learner.pages import show_sign_in
+from grader.web.text.moments import format_day
 from grader.web.text.questions import format_count
+from grader.web.text.zones import convert_moments
 
 PAGE = "/instructor/extensions"
 TICKED = "learner-"
 """What the name of a learner's box begins with; the id follows."""
+MOMENTS = {"due": "Due", "until": "Late answers until"}
+"""The fields of the form that are moments, with their labels."""
 BOXES = 500
 """Learners on the page who can be ticked; all others can be named."""
 
@@ -53,6 +57,7 @@ def render(request: Request, services: Services, who: Identity, quiz: str, statu
             for row, name in extensions.of_quiz(session, who.course, chosen.id)
         ]
         published = extensions.published(session, who.course, [chosen.id]).get(chosen.id)
+        policy = read_policies(session, library, who.course, [chosen.id])[chosen.id]
         learners, marks = people.learners(session, who.course, BOXES + 1), marks_in(session, who.course)
     context: dict[str, Any] = {
         "learners": learners[:BOXES],
@@ -60,11 +65,12 @@ def render(request: Request, services: Services, who: Identity, quiz: str, statu
         "marks": marks,
         "quizzes": quizzes,
         "quiz": chosen,
-        "dates": describe_policy(chosen.policy),
+        "policy": policy,
+        "dates": describe_policy(policy),
         "given": given,
         "published": published and format_day(published),
         "typed": {},
-        "counts_attempts": chosen.policy.attempts is not None or any(one.attempts for one in chosen.questions),
+        "counts_attempts": policy.attempts is not None or any(one.attempts for one in chosen.questions),
     }
     return page(request, "extensions.html", status, who=who, **(context | more))
 
@@ -75,9 +81,10 @@ def describe_dates(granted: Extension | ExtensionRow) -> dict[str, str | None]:
     return {name: None if moment is None else format_day(moment) for name, moment in moments.items()}
 
 
-def describe_policy(policy: Any) -> dict[str, str]:
+def describe_policy(policy: Policy) -> dict[str, str]:
     """Says what the policy of a quiz says of dates and attempts, in words."""
-    moments = {"opens": policy.opens, "due": policy.due, "late until": policy.late and policy.late.until}
+    until = None if policy.late is None else policy.late.until
+    moments = {"opens": policy.opens, "due": policy.due, "late until": until}
     dates = {name: format_day(moment) for name, moment in moments.items() if moment is not None}
     return dates | {"attempts": "any number" if policy.attempts is None else str(policy.attempts)}
 
@@ -126,7 +133,7 @@ def choose_learners(form: Mapping[str, str], learners: Sequence[Member], marks: 
 def explain_refusal(name: str, bearers: int) -> str:
     """Says why a typed name is refused."""
     if bearers:
-        return f"{name}: {bearers} learners bear this name. Add the mark that stands behind it, or tick the right one."
+        return f"{name}: {bearers} learners have this name. Add the mark shown after it, or tick the right one."
     return f"{name}: no learner of this course has this name."
 
 
@@ -143,8 +150,9 @@ def describe_extension(granted: Extension) -> str:
 
 
 def parse_extension(form: dict[str, str]) -> Extension:
-    """Returns the extension that a form asks for; its moments are in UTC. Raises Unprocessable."""
-    moments = {name: f"{form[name]}Z" for name in ("due", "until") if form.get(name)}
+    """Returns the extension that a form asks for. Raises Unprocessable."""
+    typed = convert_moments(form, MOMENTS)
+    moments = {name: f"{typed[name]}Z" for name in MOMENTS if typed.get(name)}
     try:
         attempts = int(form.get("attempts") or 0)
         return Extension.model_validate({**moments, "attempts": attempts})

@@ -156,13 +156,15 @@ def story(
 ) -> Response:  # fmt: skip
     """Every answer of a learner with its verdict, by question; of those under review without a name, how many. Raises
     Unauthorized, Forbidden, NotFound."""
+    desk = services.desk_of(who.course)
     with services.database.read() as session:
         wanted = SubmissionFilter(who.course, learner=learner)
         rows = submissions.page(session, wanted, before or None, ANSWERS + 1)
         member = people.get(session, learner, who.course)
         if member is None and not rows:
             raise NotFound("There is no such learner.")
-        seen = blinded(services.desk_of(who.course), session, who, rows, submissions.verdicts(session, rows))
+        averaged = desk.list_averaged(session, who.course)
+        seen = blinded(desk, session, who, rows, submissions.verdicts(session, rows))
         counts = results.everywhere(session, who.course, learner)
         unseen = unseen_by(session, who).results
         shown = [(row, read_in_full(row, seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
@@ -170,22 +172,23 @@ def story(
     given = [(row.quiz, row.question, None if row.id in seen.names else one) for row, one in shown]
     cells = {at: make_cell(result, unseen) for at, result in counts.items()}
     name = member.name if member is not None else rows[0].user
-    parts = group_answers(services.library_for(who), given, cells)
+    parts = group_answers(desk.library, given, cells, averaged)
     following = rows[ANSWERS - 1].id if len(rows) > ANSWERS else None
     counted = [one for one in counts.values() if not is_in(unseen, one) and (one.is_final or one.points)]
     total = (sum(one.points for one in counted), sum(one.max_points for one in counted))
     return page(
         request, "learner.html", who=who, learner=learner, name=name, parts=parts, following=following,
         total=total, member=member, origin="" if member is None else describe_origin(member), marks=marks,
-        lessons=group_lessons(services.library_for(who).quizzes),
+        lessons=group_lessons(desk.library.quizzes),
     )  # fmt: skip
 
 
 def group_answers(
-    library: Library, given: Sequence[tuple[str, str, Given | None]], cells: Mapping[tuple[str, str], Cell]
-) -> list[dict[str, Any]]:
+    library: Library, given: Sequence[tuple[str, str, Given | None]], cells: Mapping[tuple[str, str], Cell],
+    averaged: Collection[str],
+) -> list[dict[str, Any]]:  # fmt: skip
     """Returns the answers by question, in the order of the content; questions that it has lost come last. None stands
-    for an answer that bears a pseudonym for its reviewers."""
+    for an answer that bears a pseudonym for its reviewers. In the quizzes `averaged` all attempts count."""
     titles = list_titles(library)
     questions = {(quiz.id, one.id): one for quiz in library.quizzes.values() for one in quiz.questions}
     places = {at: place for place, at in enumerate(questions)}
@@ -203,7 +206,7 @@ def group_answers(
                 (
                     answer,
                     show_answer(questions.get((at[1], at[2])), answer),
-                    describe_state(library, at[1], answer, is_newest=place == 0),
+                    describe_state(answer, waits=place == 0 or at[1] in averaged),
                 )
                 for place, answer in enumerate(answers)
                 if answer is not None
@@ -220,8 +223,6 @@ def show_answer(question: Question | None, given: Given) -> str:
     return given.text if question is None else kind_of(question).show(question, given.answer)
 
 
-def describe_state(library: Library, quiz: str, given: Given, *, is_newest: bool) -> Badge:
-    """Returns the state of an answer: an earlier one no longer waits for a person, unless all attempts count."""
-    found = library.quizzes.get(quiz)
-    waits = is_newest or given.is_decided or given.verdict is None or (found and found.policy.counts == "average")
-    return given.badge if waits else REPLACED
+def describe_state(given: Given, *, waits: bool) -> Badge:
+    """Returns the state of an answer: an earlier one no longer `waits` for a person, unless all attempts count."""
+    return given.badge if waits or given.is_decided or given.verdict is None else REPLACED

@@ -1,9 +1,10 @@
-"""`/instructor/people`: members, invitations, tokens, the course link and the audit log. It needs no script."""
+"""`/instructor/people` and the pages under it: members, invitations with the course link, tokens, the audit log. They
+need no script."""
 
 import json
 from collections.abc import Sequence
 from datetime import timedelta
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, get_args
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import RedirectResponse, Response
@@ -15,6 +16,7 @@ from grader.courses.people.audit import Action
 from grader.courses.people.external import known_as
 from grader.courses.people.identity import Identity, Role, Scope
 from grader.courses.people.namesakes import marks_in
+from grader.courses.rules.csv_cells import guarded, lines
 from grader.errors import CallerError, NotFound, Unauthorized, Unprocessable
 from grader.gate.services import AppServices, Services
 from grader.store import courses, people, platforms
@@ -25,6 +27,9 @@ from grader.web.frame.rendering import PRIVATE, page
 from grader.web.learner.pages import show_sign_in
 
 PAGE = "/instructor/people"
+Part = Literal["members", "invitations", "tokens", "audit"]
+PARTS: tuple[Part, ...] = get_args(Part)
+"""What a page shows; the first at `PAGE`, every other at its name under it."""
 ROWS = 50
 """Members on one page, and entries of the audit log."""
 
@@ -47,26 +52,33 @@ router = APIRouter(include_in_schema=False)
 
 
 @router.get(PAGE)
+@router.get(f"{PAGE}/invitations")
+@router.get(f"{PAGE}/tokens")
+@router.get(f"{PAGE}/audit")
 def show(
     request: Request, services: AppServices, who: Visitor, *, start: Annotated[int, Query(ge=0, lt=10**6)] = 0,
     before: Annotated[int | None, Query(ge=1, le=ROW_ID_MAX)] = None,
 ) -> Response:  # fmt: skip
-    """The people of a course: members after the first `start`, audit entries before a number; else how to sign in."""
+    """A part of the people of a course: members after the first `start`, links, tokens, audit entries before a number;
+    else how to sign in."""
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
-    return render(request, services, who, start=start, before=before)
+    named = request.url.path.rpartition("/")[2]
+    part: Part = next((one for one in PARTS if one == named), "members")
+    return render(request, services, who, part, start=start, before=before)
 
 
 def render(
-    request: Request, services: Services, who: Identity, status: int = 200, *, start: int = 0,
+    request: Request, services: Services, who: Identity, part: Part, status: int = 200, *, start: int = 0,
     before: int | None = None, **more: Any,
 ) -> Response:  # fmt: skip
-    """The page as it is now, with the outcome of a form: what was `typed`, `links` that are shown once, a `token`."""
+    """Renders a part as it is now, with the outcome of a form: what was `typed`, `links` shown once, a `token`."""
     with services.database.read() as session:
         members = people.by_name(session, who.course, start, ROWS + 1)
         entries = courses.audit_page(session, who.course, before, ROWS + 1)
         link = courses.link_of(session, who.course)
         context: dict[str, Any] = {
+            "part": part,
             "members": list_members(session, who, members[:ROWS]),
             "more_members": start + ROWS if len(members) > ROWS else None,
             "invitations": [
@@ -139,16 +151,18 @@ def invite(request: Request, services: AppServices, who: Instructor, form: Form)
         with services.database.write() as session:
             made = invitations.invite(session, who, who.course, names, form.get("role", ""))
     except CallerError as error:
-        return render(request, services, who, 422, typed=form, trouble=str(error))
-    return render_links(request, services, who, made)
+        return render(request, services, who, "invitations", 422, typed=form, trouble=str(error))
+    return render_links(request, services, who, "invitations", made)
 
 
 def render_links(
-    request: Request, services: Services, who: Identity, made: Sequence[invitations.Invitation]
+    request: Request, services: Services, who: Identity, part: Part, made: Sequence[invitations.Invitation]
 ) -> Response:
     """Renders the page with new links, which are shown this once."""
     origin = services.origin_of(request)
-    return render(request, services, who, links=[(one.member.name, f"{origin}/signin?code={one.code}") for one in made])
+    links = [(one.member.name, f"{origin}/signin?code={one.code}") for one in made]
+    table = "".join(lines([("name", "link"), *((guarded(name), url) for name, url in links)]))
+    return render(request, services, who, part, links=links, links_table=table)
 
 
 @router.post(f"{PAGE}/invitations/{{invitation}}/revoke")
@@ -156,7 +170,7 @@ def revoke_invitation(invitation: str, services: AppServices, who: Instructor) -
     """Ends a link that was not used. Raises Unauthorized, Forbidden, NotFound."""
     with services.database.write() as session:
         invitations.revoke(session, who, invitation)
-    return RedirectResponse(f"{PAGE}#invitations-title", 303)
+    return RedirectResponse(f"{PAGE}/invitations#pending-title", 303)
 
 
 @router.post(f"{PAGE}/link")
@@ -167,7 +181,7 @@ def change_link(services: AppServices, who: Instructor, form: Form) -> Response:
             invitations.close_link(session, who)
         else:
             invitations.rotate_link(session, who)
-    return RedirectResponse(f"{PAGE}#course-title", 303)
+    return RedirectResponse(f"{PAGE}/invitations#course-title", 303)
 
 
 @router.post(f"{PAGE}/members/{{member_id}}")
@@ -191,10 +205,10 @@ def change_member(request: Request, member_id: str, services: AppServices, who: 
     except Unauthorized:
         raise
     except CallerError as error:
-        return render(request, services, who, 409, trouble=str(error))
+        return render(request, services, who, "members", 409, trouble=str(error))
     if do == "link":
-        return render_links(request, services, who, [made])
-    return RedirectResponse(f"{PAGE}#members-title", 303)
+        return render_links(request, services, who, "members", [made])
+    return RedirectResponse(PAGE, 303)
 
 
 @router.post(f"{PAGE}/tokens")
@@ -208,15 +222,15 @@ def create_token(request: Request, services: AppServices, who: Instructor, form:
             is_known = rules.known(session, user, who.course)
             bear_it = people.bearers(session, who.course, user)
         if not is_known and form.get("new") != user:
-            return render(request, services, who, typed=form, unknown=user, bear_it=bear_it)
+            return render(request, services, who, "tokens", typed=form, unknown=user, bear_it=bear_it)
         with services.database.write() as session:
             text = tokens.create_token(
                 session, user, form.get("role", ""), who.course, scopes=scopes or None,
                 lifetime=parse_lifetime(form.get("days", "")), by=who,
             )  # fmt: skip
     except CallerError as error:
-        return render(request, services, who, 422, typed=form, trouble=str(error))
-    return render(request, services, who, token=(user, text))
+        return render(request, services, who, "tokens", 422, typed=form, trouble=str(error))
+    return render(request, services, who, "tokens", token=(user, text))
 
 
 def parse_lifetime(days: str) -> timedelta | None:
@@ -233,4 +247,4 @@ def revoke_token(token_id: str, services: AppServices, who: Instructor) -> Respo
     """Ends a token. Raises Unauthorized, Forbidden, NotFound."""
     with services.database.write() as session:
         tokens.revoke(session, token_id, who.course, who)
-    return RedirectResponse(f"{PAGE}#tokens-title", 303)
+    return RedirectResponse(f"{PAGE}/tokens", 303)

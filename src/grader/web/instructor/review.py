@@ -11,11 +11,13 @@ from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
-from grader.courses.people.identity import Identity
+from grader.courses.answering.access import read_access
+from grader.courses.people.identity import Identity, Role
 from grader.courses.people.namesakes import marks_in
 from grader.courses.reviewing import comments, reviews
 from grader.courses.reviewing.blinding import blinded
 from grader.courses.reviewing.desk import Desk
+from grader.courses.rules.policy import spoken
 from grader.courses.rules.rubric import Mark
 from grader.domain.verdict import NO_COMMENT, REVIEW
 from grader.errors import CallerError, NotFound, Outdated, Unprocessable
@@ -33,7 +35,7 @@ from grader.web.learner.pages import show_sign_in
 from grader.web.text.prose import cached_prose
 from grader.web.text.questions import describe_quiz, list_titles
 from grader.web.verdict.card import build_card
-from grader.web.verdict.work import Given, read_in_full
+from grader.web.verdict.work import Given, read_comments, read_in_full
 
 COUNTED_MAX = 1000
 """Answers that are counted of those that wait."""
@@ -150,7 +152,7 @@ def find_first(at: Sitting, session: Session) -> Submission | None:
         differ = stored.disagreements(session, at.chosen.wanted(at.who), None, 1)
         return differ[0][0] if differ else None
     try:
-        return reviews.next_to_claim(session, at.chosen.queue(at.desk, at.who), at.who)
+        return reviews.next_to_claim(session, at.chosen.queue(at.desk, session, at.who), at.who)
     except NotFound:
         return None
 
@@ -257,6 +259,7 @@ def render(
         row = get_submission(session, who, submission_id)
         seen = blinded(desk, session, who, [row], submissions.verdicts(session, [row]))
         given = read_in_full(row, seen.verdicts.get(row.id))
+        written = read_comments(session, [row.id]).get(row.id, [])
         claim, review = stored.claim_on(session, row.id, now()), stored.review_of(session, row.id)
         kept = comments_on(session, who.course, row.quiz, row.question)
         learner = name_learner(row, seen.names, marks_in(session, who.course))
@@ -265,6 +268,8 @@ def render(
     if card is None or given.verdict is None:
         raise NotFound("This submission has no verdict yet.")
     question = desk.question(row)
+    if more.get("said") == "decided":
+        more["visible"] = describe_visibility(at, more.get("last") or row.id)
     context: dict[str, Any] = {
         "card": card,
         "id": row.id,
@@ -277,6 +282,7 @@ def render(
         "marks": review if review is not None and review.second == DIFFERS else None,
         "rubric": list_rubric(question),
         "comments": kept,
+        "written": written,
         "typed": typed or restore_typed(given),
         "waiting": waiting,
         "chosen": at.chosen,
@@ -285,11 +291,27 @@ def render(
     return page(request, "review_answer.html", status, who=who, **(context | more))
 
 
+def describe_visibility(at: Sitting, submission_id: str) -> str:
+    """Says when the learner of a decided answer can see the decision. Raises NotFound."""
+    with at.services.database.read() as session:
+        row = get_submission(session, at.who, submission_id)
+        if at.desk.question(row) is None:
+            return "The learner cannot see it: the question is not part of the course at present."
+        learner = Identity(row.learner, row.user, Role.STUDENT, row.course)
+        access = read_access(session, at.desk.library, learner, (row.quiz, row.question))
+    decision = access.decide(row.quiz, row.question)
+    if decision.withheld is None:
+        return "The learner can see it now."
+    if access.policies[row.quiz].feedback == "after_due" and decision.closes is not None:
+        return f"The learner can see it after {spoken(decision.closes)}."
+    return "The learner can see it once the feedback of the quiz is published, on the page Extensions."
+
+
 def list_waiting(at: Sitting, session: Session) -> Sequence[WaitingQuestion]:
     """Says what waits in the list, by question."""
     if at.chosen.which == DIFFER:
         return stored.count_differing(session, at.who.course, COUNTED_MAX)
-    return stored.count_waiting(session, at.chosen.queue(at.desk, at.who), COUNTED_MAX)
+    return stored.count_waiting(session, at.chosen.queue(at.desk, session, at.who), COUNTED_MAX)
 
 
 def describe_question(library: Library, quiz: str, question: Question | None, given: Given) -> dict[str, Any]:

@@ -26,8 +26,8 @@ from grader.store.submissions import NEEDS_REVIEW, SubmissionFilter
 from grader.store.tables import ReviewClaim, Submission, now
 from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import page
-from grader.web.learner.lesson import format_day
 from grader.web.learner.pages import show_sign_in
+from grader.web.text.moments import format_day
 from grader.web.text.numbers import span
 from grader.web.text.questions import describe_quiz, list_titles
 from grader.web.text.statuses import QUEUED, RUNNING, Badge, describe_status
@@ -70,9 +70,9 @@ class Chosen:
         """Returns the same, as queries take it."""
         return SubmissionFilter(who.course, self.user or None, self.quiz or None, self.question or None)
 
-    def queue(self, desk: Desk, who: Identity) -> Queue:
+    def queue(self, desk: Desk, session: Session, who: Identity) -> Queue:
         """Returns the answers that wait for a mark: for the second in that list, in the others for the first."""
-        return reviews.queue_of(desk, self.wanted(who), who.id if self.which == SECOND else None)
+        return reviews.queue_of(desk, session, self.wanted(who), who.id if self.which == SECOND else None)
 
 
 async def parse_choice(
@@ -156,7 +156,7 @@ def find_answers(
     if chosen.which == DIFFER:
         wanted = replace(chosen.wanted(who), user=None)  # a name would tell whose answers they are
         return [one for one, _ in stored.disagreements(session, wanted, after, ROWS + 1)], {}
-    waiting = stored.page(session, chosen.queue(desk, who), after, ROWS + 1, now())
+    waiting = stored.page(session, chosen.queue(desk, session, who), after, ROWS + 1, now())
     return [one for one, _ in waiting], {one.id: claim for one, claim in waiting if claim is not None}
 
 

@@ -10,7 +10,6 @@ from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
-from grader.courses.answering.access import require_opened
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity, Role
 from grader.courses.people.namesakes import marked, marks_in
@@ -18,6 +17,7 @@ from grader.courses.reviewing.blinding import blinded, unseen_by
 from grader.courses.reviewing.desk import Desk
 from grader.errors import NotFound
 from grader.gate.services import AppServices
+from grader.library import find_lesson_id
 from grader.questions import Quiz, kind_of
 from grader.store import people, submissions
 from grader.web.frame.inputs import Instructor
@@ -25,7 +25,6 @@ from grader.web.frame.rendering import POLICY, page, security_policy
 from grader.web.learner.exercise import build_exercise_page
 from grader.web.learner.lesson import build_lesson_page
 from grader.web.learner.pages import find_lesson
-from grader.web.text.lessons import find_lesson_id
 from grader.web.verdict.work import Work, list_attempts, read_work
 
 UNDER_REVIEW = "An answer here is under review without a name, and left out."
@@ -58,7 +57,7 @@ def exercise_as(
     NotFound, and Conflict before the quiz opens."""
     desk = services.desk_of(who.course)
     question, quiz = desk.library.question(quiz_id, question_id), desk.library.quiz(quiz_id)
-    require_opened(desk.library, quiz_id, Role.STUDENT)
+    services.require_opened(desk.library, Identity(learner, "", Role.STUDENT, who.course), quiz_id)
     if not kind_of(question).is_script:
         return RedirectResponse(f"{make_path(learner)}/lessons/{find_lesson_id(quiz_id)}#{quiz_id}--{question_id}", 303)
     with services.database.write() as session:

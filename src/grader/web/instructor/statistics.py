@@ -7,6 +7,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 from markupsafe import Markup
 
+from grader.courses.rules.mistakes import name_family
 from grader.courses.rules.statistics import Cluster, Estimate, QuestionStatistics
 from grader.gate.services import AppServices
 from grader.questions import CountedNumber, Question, kind_of
@@ -19,6 +20,7 @@ from grader.web.text.questions import describe_quiz
 from grader.web.verdict.plots import draw_both
 
 PAGE = "/instructor/statistics"
+CLASS = "/instructor/class"
 OF_POINTS, AT_ONCE, TELLS = "Share of the points", "Right at the first attempt", "Discrimination"
 ALL_OPTIONS_MAX = 10
 """Up to so many options are all shown, also those without an answer."""
@@ -35,6 +37,8 @@ class Bar:
     words: str
     learners: int
     picture: Markup
+    address: str
+    """Where the learners are named."""
     is_right: bool = False
 
 
@@ -43,6 +47,8 @@ class Shown:
     """One question: its estimates in words, and what was answered."""
 
     title: str
+    path: str
+    """The page of the class at this question."""
     estimates: tuple[tuple[str, str], ...]
     options: tuple[Bar, ...]
     clusters: tuple[Bar, ...]
@@ -69,40 +75,49 @@ def statistics(
         "quiz": chosen,
         "learners": found.learners,
         "figures": [draw_both(sketch, HALF_WIDTH) for sketch in plot_estimates(found.questions, titles)],
-        "questions": [describe_question(one, by_id[one.question], titles[one.question]) for one in found.questions],
+        "questions": [
+            describe_question(one, by_id[one.question], titles[one.question], chosen.id) for one in found.questions
+        ],
         "silent": [titles[one] for one in titles if one not in {each.question for each in found.questions}],
     }
     return page(request, "statistics.html", who=who, **context)
 
 
-def describe_question(one: QuestionStatistics, question: Question, title: str) -> Shown:
+def describe_question(one: QuestionStatistics, question: Question, title: str, quiz: str) -> Shown:
     """Returns one question for the template."""
-    of = one.difficulty.n
+    of, path = one.difficulty.n, f"{CLASS}/{quiz}/{question.id}"
     clusters = [(describe_value(cluster, question), cluster.learners) for cluster in one.clusters]
     return Shown(
         title,
+        path,
         (
             (OF_POINTS, describe_share(one.difficulty)),
             (AT_ONCE, describe_share(one.right_at_once)),
             (TELLS, describe_correlation(one.discrimination)),
         ),
-        count_options(one, question),
-        tuple(Bar(words, count, draw_bar(count, of)) for words, count in clusters),
-        tuple(Bar(words, count, draw_bar(count, of)) for words, count in one.mistakes.items()),
+        count_options(one, question, path),
+        tuple(Bar(words, count, draw_bar(count, of), f"{path}#axis") for words, count in clusters),
+        tuple(
+            Bar(words, count, draw_bar(count, of), f"{path}#m-{name_family(words).key}")
+            for words, count in one.mistakes.items()
+        ),
     )
 
 
-def count_options(one: QuestionStatistics, question: Question) -> tuple[Bar, ...]:
+def count_options(one: QuestionStatistics, question: Question, path: str) -> tuple[Bar, ...]:
     """Says how many learners chose each option first; none without any answer. Of many options, wrong ones
     without an answer are left out."""
     if not one.options:
         return ()
     of = one.difficulty.n
     options = kind_of(question).options(question)
-    counted = [(option, one.options.get(place, 0)) for place, option in enumerate(options)]
+    counted = [(place, option, one.options.get(place, 0)) for place, option in enumerate(options)]
     if len(options) > ALL_OPTIONS_MAX:
-        counted = [(option, count) for option, count in counted if option.is_right or count]
-    return tuple(Bar(option.text, count, draw_bar(count, of), option.is_right) for option, count in counted)
+        counted = [(place, option, count) for place, option, count in counted if option.is_right or count]
+    return tuple(
+        Bar(option.text, count, draw_bar(count, of), f"{path}#option-{place}", option.is_right)
+        for place, option, count in counted
+    )
 
 
 def describe_value(cluster: Cluster, question: Question) -> str:

@@ -14,6 +14,8 @@ LABEL, DOT = 15.0, 28.0
 """Where a question's label and its dot stand, from the top of its row."""
 SIGN = 7.2
 """Estimated width of a sign of a label."""
+WEAK = 0.2
+"""A correlation below this is called weak (Source: R. L. Ebel, Essentials of Educational Measurement, 1979)."""
 LEARNERS_MIN = 5
 """Learners who have to answer a question before it is called the hardest."""
 BAR_WIDTH, BAR_HEIGHT = 120.0, 10.0
@@ -34,27 +36,32 @@ def plot_estimates(questions: Sequence[QuestionStatistics], titles: Mapping[str,
     if tells:
         caption = (
             "Discrimination: correlation of the share at a question with that at the learner's other questions. "
-            f"Near 0, a question tells nothing apart; below, look at its key. 95{NARROW}% intervals (Fisher)."
+            f"Near 0, it does not separate strong from weak; below, check its key. 95{NARROW}% intervals (Fisher)."
         )
         yield plot_rows("discrimination", describe_discrimination(tells), caption, tells, (-1.0, 1.0))
 
 
 def describe_shares(shares: Sequence[Named]) -> str:
-    """Returns the hardest question; a few learners, or questions that are all alike, name none."""
-    name, hardest = min(shares, key=lambda one: one[1].value)
-    if hardest.n < LEARNERS_MIN or hardest.value >= max(one.value for _, one in shares):
+    """Names the hardest question, where its interval lies below those of all others."""
+    (name, hardest), *others = sorted(shares, key=lambda one: one[1].value)
+    if hardest.n < LEARNERS_MIN or not others:
         return "Share of the points"
+    if any(one.low <= hardest.high for _, one in others):
+        return "Share of the points: no question is clearly the hardest, as intervals overlap"
     return f"The hardest is “{name}”: {100 * hardest.value:.0f}{NARROW}% of its points"
 
 
 def describe_discrimination(tells: Sequence[Named]) -> str:
-    """Says what is to be seen: a question that those answer wrong who know more, else the one that tells least."""
+    """Names a question that strong learners get wrong, else the one that separates least. An interval that contains 0
+    and reaches beyond `WEAK` leaves both open."""
     name, least = min(tells, key=lambda one: one[1].value)
     if least.high < 0:
-        return f"Who knows more answers “{name}” worse: look at its key"
+        return f"Strong learners do worse at “{name}” than weak ones: check its key"
     if least.low <= 0:
-        return f"“{name}” may tell nothing apart"
-    return "Every question tells who knows from who does not"
+        if least.high < WEAK:
+            return f"“{name}” does not separate strong from weak learners"
+        return f"Too few answers to say whether “{name}” separates strong from weak learners"
+    return "Every question separates strong from weak learners"
 
 
 def plot_rows(name: str, title: str, caption: str, rows: Sequence[Named], ends: tuple[float, float]) -> Sketch:

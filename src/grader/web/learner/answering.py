@@ -8,7 +8,6 @@ from fastapi import APIRouter, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import RedirectResponse, Response
 
-from grader.courses.answering.access import require_opened
 from grader.courses.answering.intake import NewAnswer
 from grader.courses.answering.stopping import stop
 from grader.courses.people.identity import Identity
@@ -65,7 +64,7 @@ async def hand_in(
         return page(request, "signed_out.html", 401, {"Cache-Control": "no-store"}, **kept)
     library = services.library_for(sender.who)
     question = library.question(quiz_id, question_id)
-    require_opened(library, quiz_id, sender.who.role)
+    await run_in_threadpool(services.require_opened, library, sender.who, quiz_id)
     is_script = kind_of(question).is_script
     back = choose_page(form.get("back", ""), quiz_id)
     try:

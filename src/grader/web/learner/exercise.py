@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from grader.errors import NotFound
-from grader.library import Library
+from grader.library import Library, find_lesson_id
 from grader.questions import Quiz
 from grader.web.learner.lesson import WITH_AN_INSTRUCTOR, Asked, Typed, describe_question, list_facts
-from grader.web.text.lessons import describe_lesson, find_lesson_id
+from grader.web.text.lessons import describe_lesson
 from grader.web.text.numbers import points
 from grader.web.text.questions import describe_quiz
 from grader.web.verdict.card import build_card

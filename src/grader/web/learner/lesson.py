@@ -2,14 +2,17 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from typing import Any
 
-from grader.courses.rules.policy import before_opening, spoken
-from grader.library import Library
+from markupsafe import Markup
+
+from grader.courses.rules.policy import before_opening
+from grader.domain.markup import plain_text
+from grader.library import Heading, LessonText, Library, Placed, Prose
 from grader.questions import FIELD, Fields, Question, Quiz, kind_of
 from grader.web.text.lab_box import describe_lab
 from grader.web.text.lessons import Lesson
+from grader.web.text.moments import format_day
 from grader.web.text.numbers import points
 from grader.web.text.prose import cached_prose
 from grader.web.text.questions import describe_quiz, describe_unopened
@@ -85,24 +88,66 @@ def preset_lab(box: dict[str, Any], chosen: str) -> dict[str, Any]:
 def build_section(library: Library, quiz: Quiz, work: Work, typed: Typed | None = None) -> dict[str, Any]:
     """Returns one quiz for the template, as the learner may see it now."""
     if not work.access.has_opened(quiz.id):
-        return describe_unopened(quiz, before_opening(quiz.policy, work.access.at) or "")
+        return describe_unopened(quiz, before_opening(work.access.policies[quiz.id], work.access.at) or "")
     page = describe_quiz(library, quiz)
     got, of = work.points(quiz)
     pairs = zip(page["questions"], quiz.questions, strict=True)
     questions = [describe_question(view, question, quiz.id, work, typed) for view, question in pairs]
-    return page | {"questions": questions, "got": got, "of": of}
+    dates = next(filter(None, (one.place.dates for one in questions)), "")
+    return page | {"questions": questions, "got": got, "of": of, "dates": dates}
 
 
 def build_lesson_page(library: Library, lesson: Lesson, work: Work, typed: Typed | None = None) -> dict[str, Any]:
     """Returns the variables of lesson.html."""
     sections = [build_section(library, quiz, work, typed) for quiz in lesson.quizzes]
+    text = library.lessons.get(lesson.id)
     return {
         "lesson": lesson,
+        "name": f"{lesson.title}: {plain_text(text.title)}" if text and lesson.head is None else lesson.name,
         "summary": cached_prose(lesson.head.summary) if lesson.head and lesson.head.summary else "",
         "facts": list_opened_facts(lesson.quizzes, work),
         "first": find_first(sections),
         "quizzes": sections,
+        **arrange_parts(text, sections),
     }
+
+
+def arrange_parts(text: LessonText | None, sections: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Returns the `parts` of the page from top to bottom, and its `outline`: the author's text with quizzes and labs in
+    their places, then what the text does not place. A placed lab is shown there alone, and never before its quiz opens.
+    """
+    placed = [part for part in text.parts if isinstance(part, Placed)] if text else []
+    shown = {section["id"]: section | {"labs": leave_out(section, placed)} for section in sections}
+    whole = {section["id"]: section for section in sections}
+    parts: list[dict[str, Any]] = []
+    outline: list[dict[str, Any]] = []
+    for part in text.parts if text else ():
+        if isinstance(part, Heading):
+            heading = {"sort": "heading", "level": part.level, "anchor": part.anchor, "html": cached_prose(part.html)}
+            parts.append(heading)
+            outline += [heading] * (part.level == 2)
+        elif isinstance(part, Prose):
+            parts.append({"sort": "prose", "html": Markup().join(map(cached_prose, part.blocks))})
+        elif part.quiz in whole:
+            parts += place_part(part, whole[part.quiz], shown[part.quiz])
+    texts = {part.quiz for part in placed if not part.lab}
+    rest = [section for name, section in shown.items() if name not in texts]
+    parts += [{"sort": "quiz", "quiz": one} for one in rest if one["questions"] or one["labs"] or not placed]
+    return {"parts": parts, "outline": outline}
+
+
+def leave_out(section: Mapping[str, Any], placed: Sequence[Placed]) -> list[dict[str, Any]]:
+    """Returns the labs of a quiz that the text of the lesson does not place elsewhere."""
+    return [lab for lab in section["labs"] if Placed(section["id"], lab["id"]) not in placed]
+
+
+def place_part(part: Placed, whole: dict[str, Any], shown: dict[str, Any]) -> list[dict[str, Any]]:
+    """Returns a quiz or lab where the author put it; of an unopened quiz, when it opens."""
+    if not part.lab:
+        return [{"sort": "quiz", "quiz": shown}]
+    if whole.get("opens"):
+        return [{"sort": "unopened", "opens": whole["opens"]}]
+    return [{"sort": "lab", "quiz": whole, "lab": lab} for lab in whole["labs"] if lab["id"] == part.lab]
 
 
 @dataclass(frozen=True)
@@ -128,7 +173,8 @@ def find_first(sections: Sequence[Mapping[str, Any]]) -> First | None:
 
 def list_opened_facts(quizzes: Sequence[Quiz], work: Work) -> dict[str, str]:
     """Returns the facts of the quizzes that have opened; before the first of them, when it opens."""
-    coming = [quiz.policy.opens for quiz in quizzes if not work.access.has_opened(quiz.id) and quiz.policy.opens]
+    unopened = [work.access.policies[quiz.id] for quiz in quizzes if not work.access.has_opened(quiz.id)]
+    coming = [policy.opens for policy in unopened if policy.opens]
     if coming and len(coming) == len(quizzes):
         return {"opens": format_day(min(coming))}
     return list_facts([quiz for quiz in quizzes if work.access.has_opened(quiz.id)], work)
@@ -141,7 +187,7 @@ def list_facts(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
         return {}
     sums = [work.points(quiz) for quiz in with_questions]
     got, of = (sum(column) for column in zip(*sums, strict=True))
-    counts = dict.fromkeys(describe_counting(quiz.policy) for quiz in with_questions)
+    counts = dict.fromkeys(describe_counting(work.access.policies[quiz.id]) for quiz in with_questions)
     facts = {"points": f"{points(got)} of {points(of)}"}
     places = [work.places[quiz.id, question.id] for quiz in with_questions for question in quiz.questions]
     if waiting := sum(place.of for place in places if place.needs_review and not place.points):
@@ -156,8 +202,3 @@ def list_facts(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
     elif dues and not any(place.may_answer for place in places):
         facts["due"] = f"over since {format_day(max(dues))}"
     return facts
-
-
-def format_day(moment: datetime) -> str:
-    """Returns a moment with its day of the week: `Fri 27 Nov 2026, 18:00 UTC`."""
-    return f"{moment:%a} {spoken(moment)}"

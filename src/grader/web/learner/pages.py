@@ -6,12 +6,11 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import PlainTextResponse, RedirectResponse, Response
 
-from grader.courses.answering.access import require_opened
 from grader.courses.people.identity import DEFAULT_COURSE, Identity, Role
 from grader.domain.markup import plain_text
 from grader.errors import NotFound, Unauthorized
 from grader.gate.services import AppServices, Services
-from grader.library import Library
+from grader.library import OTHER, Library, find_lesson_id
 from grader.pack.kit import build_kit
 from grader.questions import kind_of
 from grader.queue import jobs
@@ -21,9 +20,10 @@ from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import HEADERS, page
 from grader.web.learner.exercise import align_scripts, build_exercise_page
 from grader.web.learner.lesson import Typed, build_lesson_page, list_opened_facts
-from grader.web.text.lessons import OTHER, Lesson, find_lesson_id, group_lessons
-from grader.web.text.questions import describe_quiz
+from grader.web.text.lessons import Lesson, group_lessons
+from grader.web.text.questions import describe_quiz, list_titles
 from grader.web.verdict.plots import draw_file, extract_light_styles, list_sketches
+from grader.web.verdict.reel import REEL_MAX, build_reel
 from grader.web.verdict.work import list_attempts, read_work
 
 SIGN_IN = "Sign in first."
@@ -118,7 +118,7 @@ def exercise(
         return show_sign_in(request, services, who)
     library = services.library_for(who)
     question = library.question(quiz_id, question_id)
-    require_opened(library, quiz_id, find_reader(who).role)
+    services.require_opened(library, find_reader(who), quiz_id)
     if not kind_of(question).is_script:
         return RedirectResponse(f"/lessons/{find_lesson_id(quiz_id)}#{quiz_id}--{question_id}", 303)
     return show_exercise(request, services, who, quiz_id=quiz_id, question_id=question_id, attempt=attempt)
@@ -169,13 +169,33 @@ def compare(
     return page(request, "compare.html", who=who, view=view, attempts=attempts, chosen=chosen, lines=lines)
 
 
+@router.get("/quizzes/{quiz_id}/{question_id}/reel")
+def reel(
+    quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Visitor,
+    attempt: Annotated[str | None, Query(max_length=64)] = None,
+) -> Response:  # fmt: skip
+    """The learner's attempts at a question one after the other. Raises Unauthorized, NotFound."""
+    if who is None:
+        raise Unauthorized(SIGN_IN)
+    library = services.library_for(who)
+    question = library.question(quiz_id, question_id)
+    with services.database.read() as session:
+        work = read_work(session, library, who, [library.quiz(quiz_id)])
+        attempts = list_attempts(session, work.access, who, quiz_id, question_id, most=REEL_MAX)
+    title, base = list_titles(library)[quiz_id, question_id], f"/quizzes/{quiz_id}/{question_id}"
+    return page(
+        request, "reel.html", who=who, layout="base.html", title=title, up=(base, f"Back to {title}"),
+        base=f"{base}/reel", pictures=f"{base}/attempts", reel=build_reel(attempts, question, attempt),
+    )  # fmt: skip
+
+
 @router.get("/quizzes/{quiz_id}/{question_id}/starter.py")
 def starter(quiz_id: str, question_id: str, services: AppServices, who: Visitor) -> Response:
     """The starter file of an exercise. Raises Unauthorized, NotFound, and Conflict before the quiz opens."""
     if who is None and not services.sessions.anonymous:
         raise Unauthorized(SIGN_IN)
     library = services.library_for(who)
-    require_opened(library, quiz_id, find_reader(who).role)
+    services.require_opened(library, find_reader(who), quiz_id)
     text = library.starter(library.question(quiz_id, question_id))
     if text is None:
         raise NotFound("This question has no starter file.")
@@ -185,14 +205,17 @@ def starter(quiz_id: str, question_id: str, services: AppServices, who: Visitor)
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}/kit.zip")
-def kit(quiz_id: str, question_id: str, services: AppServices, who: Visitor) -> Response:
+def kit(quiz_id: str, question_id: str, *, request: Request, services: AppServices, who: Visitor) -> Response:
     """The kit of an exercise. Raises Unauthorized, NotFound, and Conflict before the quiz opens."""
     if who is None and not services.sessions.anonymous:
         raise Unauthorized(SIGN_IN)
     library = services.library_for(who)
-    require_opened(library, quiz_id, find_reader(who).role)
+    policy = services.require_opened(library, find_reader(who), quiz_id)
     headers = {"Content-Disposition": f'attachment; filename="{question_id}.zip"'}
-    return Response(build_kit(library, quiz_id, question_id), headers=HEADERS | headers, media_type="application/zip")
+    packed = build_kit(
+        library, quiz_id, question_id, judged=policy.shows_feedback_at_once, origin=services.origin_of(request)
+    )
+    return Response(packed, headers=HEADERS | headers, media_type="application/zip")
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}/attempts/{attempt}/{name}.svg")

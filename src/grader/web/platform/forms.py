@@ -1,6 +1,7 @@
 """The forms that follow a launch: which course, which quizzes, a new tab; and a platform's registration. Each bears a
 single-use ticket, as a frame may keep no cookies. The ticket says who was shown the form."""
 
+from collections.abc import Mapping
 from datetime import timedelta
 from typing import Any
 
@@ -9,11 +10,13 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
+from grader.courses.answering.policies import read_policies
 from grader.courses.people import platforms as rules
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Role
 from grader.courses.people.sign_in import start_session
 from grader.domain.platform import Platform
+from grader.domain.policy import Policy
 from grader.errors import Forbidden, NotFound, Unauthorized, Unprocessable
 from grader.gate.services import AppServices, Services
 from grader.library import Library
@@ -96,7 +99,9 @@ def choose(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs)
         platform = get_platform(session, body["platform"])
     selection = Selection(**body["selection"])
     library = services.content.of(body["course"]).library
-    choices = [parse_choice(library, value) for name, value in pairs if name == "item"]
+    with services.database.read() as session:
+        policies = read_policies(session, library, body["course"], library.quizzes)
+    choices = [parse_choice(library, policies, value) for name, value in pairs if name == "item"]
     if len(choices) > (CHOICES_MAX if selection.takes_many else 1):
         raise Unprocessable("More was chosen than the platform takes at once.")
     url = launch_url(services.origin_of(request))
@@ -107,11 +112,11 @@ def choose(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs)
     )
 
 
-def parse_choice(library: Library, value: str) -> Choice:
+def parse_choice(library: Library, policies: Mapping[str, Policy], value: str) -> Choice:
     """Returns the quiz, or the question after a slash, that a box of the form selects. Raises NotFound."""
     quiz_id, _, question_id = value.partition("/")
     quiz = library.quiz(quiz_id)
-    return Choice(quiz, library.question(quiz_id, question_id) if question_id else None)
+    return Choice(quiz, policies[quiz.id], library.question(quiz_id, question_id) if question_id else None)
 
 
 def show_button(request: Request, services: Services, platform: Platform, arrival: Arrival, address: str) -> Response:

@@ -76,5 +76,5 @@ def render(
     days = devices.TOKEN.days
     return page(
         request, "devices.html", status, PRIVATE, who=who, code=code, waiting=waiting, trouble=trouble, said=said,
-        devices=own, days=days,
+        devices=own, days=days, allowed=SAID["allowed"],
     )  # fmt: skip

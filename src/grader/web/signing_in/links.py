@@ -8,6 +8,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 
 from grader.courses.people.courses import add_course
+from grader.courses.people.identity import Identity
 from grader.courses.people.invitations import CLOSED, join
 from grader.courses.people.sign_in import (
     SPENT,
@@ -50,22 +51,31 @@ def show_sign_in(request: Request, services: AppServices, who: Visitor, code: st
     """Shows who the code signs in, and a button. The code is used by POST alone."""
     invited = services.sessions.reading(lambda session: identity_behind(session, code))
     if invited is None:
-        return page(request, "signin.html", 401, PRIVATE, who=who, trouble=SPENT)
+        return show_spent(request, services, who)
     adds = who is not None and who.is_instructor and invited.is_instructor and who.course != invited.course
     return page(request, "confirm.html", 200, PRIVATE, who=who, invited=invited, code=code, adds=adds)
+
+
+def show_spent(request: Request, services: AppServices, who: Identity | None) -> Response:
+    """Says that a link signs nobody in any more, and every way on that there is."""
+    ways = {"oidc": services.provider is not None, "begin": services.sessions.anonymous}
+    return page(request, "signin.html", 401, PRIVATE, who=who, trouble=SPENT, **ways)
 
 
 @router.post("/signin")
 def sign_in(request: Request, services: AppServices, who: Visitor, form: Form) -> Response:
     """Uses the code, ends the browser's earlier session, and redirects to the page of the user's role. With `add` the
-    course is added to those of the instructor who is signed in, whose session goes on behind the new one. Raises
-    Unauthorized, Forbidden, Conflict."""
+    course is added to those of the instructor who is signed in, whose session goes on behind the new one. A code that
+    was used meanwhile, as by a second click, shows the ways on. Raises Forbidden, Conflict."""
     code = form.get("code", "")
     if who is not None and "add" in form:
         entered = services.sessions.writing(lambda session: add_course(session, who, code))
         headers = {"Set-Cookie": services.sessions.set_cookie(entered), "Cache-Control": "no-store"}
         return RedirectResponse("/instructor", 303, headers)
-    opened = services.sessions.writing(lambda session: redeem_sign_in_code(session, code))
+    try:
+        opened = services.sessions.writing(lambda session: redeem_sign_in_code(session, code))
+    except Unauthorized:
+        return show_spent(request, services, who)
     return redirect_signed_in(request, services, opened)
 
 

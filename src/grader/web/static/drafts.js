@@ -47,7 +47,7 @@ export class Drafts {
   }
 
   keep(form) {
-    store(this.key(form), JSON.stringify({ fields: this.valueOf(form), after: form.elements.after.value }));
+    store(this.key(form), JSON.stringify({ fields: this.valueOf(form), after: form.elements.after.value, at: Date.now() }));
     note(form, "not sent yet");
   }
 
@@ -58,6 +58,7 @@ export class Drafts {
 
   restore(form) {
     const draft = read(recall(this.key(form)));
+    if (!draft && !this.learner) return this.offerEarlier(form);
     if (!draft?.fields || same(draft.fields, this.valueOf(form))) return note(form, "");
     if (draft.after === form.elements.after.value) {
       this.put(form, draft.fields);
@@ -74,8 +75,15 @@ export class Drafts {
     else { this.put(form, draft.fields); note(form, "not sent, from another tab"); }
   }
 
-  offer(form, fields) {
-    const node = note(form, "There is another draft. ");
+  // Without a session, as after the end of one: the newest draft of whoever had the last one is offered.
+  offerEarlier(form) {
+    const drafts = keys().filter((key) => key.startsWith(PREFIX) && key.endsWith(`:${form.dataset.answer}`)).map((key) => read(recall(key)));
+    const [newest] = drafts.filter((draft) => draft?.fields).sort((one, other) => (other.at ?? 0) - (one.at ?? 0));
+    if (newest) this.offer(form, newest.fields, "Your session has ended; a draft is kept in this browser. ");
+  }
+
+  offer(form, fields, why = "There is another draft. ") {
+    const node = note(form, why);
     const button = document.createElement("button");
     button.type = "button";
     button.className = "link";

@@ -2,17 +2,22 @@
 // answer that changed, keeps drafts, and follows a script that is being graded. Without it the forms work as forms do.
 
 import { alone, Drafts, same } from "./drafts.js";
+import { localise } from "./times.js";
 
 const TYPING_MS = 300;
 const POLL_MS = 1500;
 const SILENCE_MS = 6000;
-const LABS = "[data-lab]:not([data-form])"; // those of unknown kinds have a form and nothing to run
+const LABS = "[data-lab]:not([data-form]), [data-film]"; // labs of unknown kinds have a form and nothing to run
 const OFFLINE = "The server cannot be reached. Your answer is kept in this browser; send it again when you are back.";
 const SIGNED_OUT = "You are signed out. Your answer is kept in this browser: sign in in another tab, then send it again here.";
 
 const drafts = new Drafts(document.body.dataset.learner ?? "");
 const announce = document.getElementById("announce");
 const timers = new WeakMap();
+// Films wait for the reader's first move: the first load stays small where one is on the first screen.
+const stirred = new Promise((resolve) => {
+  for (const name of ["pointermove", "pointerdown", "keydown", "scroll"]) addEventListener(name, resolve, { once: true, passive: true });
+});
 let source = null; // the events of the script that is being graded
 let taken = 0; // how many pages were taken over
 
@@ -52,12 +57,10 @@ function adopt(form) {
   form.querySelector("[data-file]")?.addEventListener("change", (event) => load(form, event.target));
   const code = form.querySelector("textarea.code");
   if (code) numberLines(code, code.previousElementSibling);
+  const edit = () => import("./editor.js").then(({ openEditor }) => openEditor(code)).catch(() => {}); // the textarea does without it
+  if (code) new PerformanceObserver((_, paints) => paints.disconnect(edit())).observe({ type: "paint", buffered: true });
   code?.addEventListener("keydown", (event) => {
-    if (event.key !== "Enter" || event.isComposing) return;
-    if (event.ctrlKey || event.metaKey) return form.requestSubmit();
-    const { value, selectionStart } = event.target; // a new line begins where the last one did
-    const [indent] = /^ */.exec(value.slice(value.lastIndexOf("\n", selectionStart - 1) + 1, selectionStart));
-    if (indent && document.execCommand("insertText", false, `\n${indent}`)) event.preventDefault();
+    if (event.key === "Enter" && !event.isComposing && (event.ctrlKey || event.metaKey)) form.requestSubmit();
   });
 }
 
@@ -127,7 +130,9 @@ async function send(form, submitter) {
 }
 
 async function pageOf(response) {
-  return new DOMParser().parseFromString(await response.text(), "text/html");
+  const page = new DOMParser().parseFromString(await response.text(), "text/html");
+  localise(page);
+  return page;
 }
 
 // Takes over the card of the form, the rail and the sums. What was typed while the answer travelled stays typed.
@@ -137,6 +142,7 @@ function take(page, form, sent, wasTaken) {
   if (page.body.dataset.learner && drafts.learner !== page.body.dataset.learner) begin(page);
   const typed = drafts.valueOf(form);
   for (const id of ["facts", "first", "rail", "under-way", "attempts", "result"]) swap(page, id);
+  for (const box of document.querySelectorAll("#result [data-film]")) watch(box);
   if (card) {
     swap(page, card.id);
     const fresh = formOf(form.dataset.answer);
@@ -273,11 +279,12 @@ async function load(form, input) {
   input.value = ""; // the same file may be loaded again
 }
 
-// Labs are fetched when they come near the screen.
+// Labs and films are fetched when they come near the screen.
 function watch(box) {
   const looking = new IntersectionObserver(async (entries) => {
     if (!entries.some((entry) => entry.isIntersecting)) return;
     looking.disconnect();
+    if (box.dataset.film) return stirred.then(() => import("./film.js")).then(({ openFilm }) => openFilm(box));
     const { openLab } = await import("./lab.js");
     const { lab: quiz, labId, labQuestion } = box.dataset;
     openLab(box, labQuestion ? { quiz, question: labQuestion } : { quiz, lab: labId });

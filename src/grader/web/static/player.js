@@ -17,7 +17,7 @@ export class Player {
     this.slider.addEventListener("input", () => this.seek(this.times[this.slider.value]));
     for (const one of this.speeds) one.addEventListener("change", () => { this.chosen = true; if (this.playing) this.play(); });
     for (const node of [this.button, this.slider, ...this.speeds]) node.disabled = false;
-    new IntersectionObserver(([entry]) => this.noticed(entry.isIntersecting), { threshold: 0.5 }).observe(box.querySelector(".stage"));
+    new IntersectionObserver(([entry]) => this.noticed(entry.isIntersecting), { threshold: 0.5 }).observe(box.querySelector("[data-stage]"));
   }
 
   get time() {

@@ -2,6 +2,8 @@
 
 import { post } from "./api.js";
 import { number } from "./dom.js";
+import { watchFilms } from "./near.js";
+import { localise } from "./times.js";
 
 const HEARTBEAT_MS = 5 * 60_000;
 
@@ -14,6 +16,7 @@ form.querySelector("[data-insert]")?.addEventListener("click", insert);
 for (const box of boxes) box.addEventListener("change", sum);
 if ("held" in form.dataset) setInterval(heartbeat, HEARTBEAT_MS);
 sum();
+watchFilms(document);
 
 // The sum of the ticked items stands in the empty field of the points, which win where they are typed.
 function sum() {
@@ -32,7 +35,8 @@ function insert(event) {
 async function heartbeat() {
   try {
     const { expires_at: until } = await post("/reviews:heartbeat", { submission_id: form.dataset.review });
-    claim.textContent = `Yours until ${until.slice(11, 16)} UTC: nobody else can decide meanwhile.`;
+    claim.querySelector("time").dateTime = until;
+    localise(claim);
   } catch (error) {
     claim.textContent = error.message;
   }

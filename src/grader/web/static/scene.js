@@ -23,9 +23,9 @@ export class Scene {
     this.turning = turning;
   }
 
-  // poses: one [x, y, z, qw, qx, qy, qz] per geom; `ghost` the same of the last run; `trail`: [[x, y, z], ...];
+  // poses: one [x, y, z, qw, qx, qy, qz] per geom; `ghost` the same of the last run, `past` of frames before; `trail`: [[x, y, z], ...];
   // `over`: by overlay, the rows of this frame; `shown`: what is drawn over the scene; `forceScale` [m/N].
-  draw({ poses, ghost, trail = [], over = {}, shown = new Set(), forceScale = 0 }) {
+  draw({ poses, ghost, past = [], trail = [], over = {}, shown = new Set(), forceScale = 0 }) {
     const { azimuth, elevation, distance, target } = this.camera;
     const up = Math.min(89, Math.max(-89, elevation + this.turning.elevation));
     const view = viewFrom({ azimuth: azimuth + this.turning.azimuth, elevation: up, distance: distance * this.turning.distance, target });
@@ -36,6 +36,7 @@ export class Scene {
     if (shown.has("shadows")) for (const floor of floors) for (const solid of solids) shadow(pen, floor, solid);
     for (let i = 1; i < trail.length; i++) pen.line(trail[i - 1], trail[i], "rgba(194, 112, 61, .75)", 1.5);
     const deep = solids.map((one) => ({ ...one, depth: view.see(one.pose)[2] })).sort((a, b) => b.depth - a.depth);
+    for (const one of past) this.drawGhost(pen, view, one);
     for (const { geom, pose } of deep) solid(pen, view, geom, pose);
     if (ghost) this.drawGhost(pen, view, ghost);
     drawOverlays(pen, over, shown, forceScale, this.camera.distance);

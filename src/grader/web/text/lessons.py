@@ -1,15 +1,11 @@
 """Groups quizzes into lessons by their ids: `1.3-check` and `1.3-exercises` are of lesson 1.3."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from grader.domain.markup import plain_text
+from grader.library import OTHER, find_lesson_id
 from grader.questions import LessonHead, Quiz
-
-NUMBERED = re.compile(r"(\d+(?:\.\d+)*)-")
-OTHER = "questions"
-"""The lesson of quizzes whose ids begin with no number."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +38,6 @@ def group_lessons(quizzes: Mapping[str, Quiz]) -> list[Lesson]:
     for quiz in quizzes.values():
         groups.setdefault(find_lesson_id(quiz.id), []).append(quiz)
     return [Lesson(name, describe_lesson(name), tuple(some)) for name, some in groups.items()]
-
-
-def find_lesson_id(quiz_id: str) -> str:
-    """Returns the lesson that a quiz belongs to."""
-    found = NUMBERED.match(quiz_id)
-    return OTHER if found is None else found[1]
 
 
 def describe_lesson(lesson: str) -> str:

@@ -4,12 +4,22 @@ import html
 import re
 from collections.abc import Iterator
 from functools import lru_cache
-from xml.etree.ElementTree import tostring
 
 import nh3
-from latex2mathml import converter
 from markupsafe import Markup
 
+from grader.domain.prose import (
+    ATTRIBUTES,
+    COMMENT_END,
+    DISPLAY,
+    HTML_TAGS,
+    INLINE,
+    MATHML_TAGS,
+    TOKEN,
+    URL_SCHEMES,
+    VERBATIM,
+    mathml,
+)
 from grader.web.text.numbers import join_units
 
 TAGS_MAX = 2000
@@ -22,56 +32,10 @@ TEX_BUDGET = 10_000
 FORMULA_COST = 10
 """The part of the budget that a formula takes besides its length."""
 
-TOKEN = re.compile(r"<!--|</?(?P<name>[a-zA-Z][^\s/<>]*)[^<>]{0,2000}>|<|\\\$|\$")
-"""A comment, a tag, a lone `<` or a dollar sign. Tags are short, as HTML5 compares all their attributes."""
-
-DISPLAY = re.compile(r"\$\$((?:[^$\\]|\\.)++)\$\$", re.DOTALL)
-INLINE = re.compile(r"\$(?![\s$])((?:[^$\\]|\\.)++)(?<!\s)\$(?!\d)", re.DOTALL)
-"""An opening dollar is followed, a closing one preceded by a non-space."""
-
-COMMENT_END = re.compile("-->")
-
-VERBATIM = {tag: re.compile(rf"</{tag}\s*>", re.IGNORECASE) for tag in ("code", "pre", "kbd", "samp")}
-"""Elements in which a dollar sign opens no formula, with their end tags."""
-
-_MATHML = (
-    "math mrow mi mn mo mtext mspace msup msub msubsup mfrac msqrt mroot mover munder munderover mtable mtr mtd "
-    "mstyle mpadded mphantom menclose mmultiscripts mprescripts"
-)
-MATHML_TAGS = frozenset(_MATHML.split())
-MATHML_ATTRIBUTES = {
-    "math": {"display"},
-    "mo": {"stretchy", "fence", "separator", "form", "minsize", "maxsize", "lspace", "rspace"},
-    "mi": {"mathvariant"},
-    "mspace": {"width"},
-    "mfrac": {"linethickness"},
-    "mover": {"accent"},
-    "munder": {"accentunder"},
-    "mstyle": {"displaystyle", "scriptlevel", "mathcolor"},
-    "mtable": {"columnalign", "rowspacing", "columnspacing"},
-    "mtd": {"columnalign"},
-    "menclose": {"notation"},
-}
-_HTML = (
-    "a abbr b blockquote br code dd del details div dl dt em figcaption figure h3 h4 h5 h6 hr i img ins kbd li mark "
-    "ol p pre q s samp small span strong sub summary sup table tbody td tfoot th thead tr u ul var"
-)
-HTML_TAGS = frozenset(_HTML.split())
-HTML_ATTRIBUTES = {
-    "a": {"href", "title"},
-    "abbr": {"title"},
-    "img": {"src", "alt", "width", "height"},
-    "ol": {"start"},
-    "td": {"colspan", "rowspan"},
-    "th": {"colspan", "rowspan", "scope"},
-}
-
-ATTRIBUTES = HTML_ATTRIBUTES | MATHML_ATTRIBUTES
-
 _CLEANER = nh3.Cleaner(
     tags=set(HTML_TAGS | MATHML_TAGS),
     attributes=ATTRIBUTES,
-    url_schemes={"http", "https", "mailto"},
+    url_schemes=set(URL_SCHEMES),
     link_rel="noopener noreferrer",
 )
 
@@ -154,28 +118,3 @@ class _Reader:
         if len(tex) > TEX_LENGTH_MAX or self.tex < 0:
             return f"<code>{tex.replace('<', '&lt;')}</code>"
         return mathml(html.unescape(tex), "block" if formula.re is DISPLAY else "inline")
-
-
-def mathml(tex: str, display: str = "inline") -> str:
-    """Converts TeX to MathML; TeX that cannot be parsed becomes `<code>`."""
-    try:
-        return _converted(tex, display)
-    except Exception:  # its errors have no common class, and a typing error must not break the page
-        return f"<code>{html.escape(tex)}</code>"
-
-
-def _converted(tex: str, display: str) -> str:
-    """The MathML of a formula. Unlike the library's own text, it holds no markup from inside `\\text{...}`."""
-    reader = converter.Converter(display=display)
-    reader.macros = _NoMacros()
-    tree = reader.convert_to_element(tex)
-    for element in tree.iter():
-        element.text = element.text and html.unescape(element.text)
-    return tostring(tree, encoding="unicode")
-
-
-class _NoMacros(dict[str, tuple[list[str], int]]):
-    """Refuses macros: repeated use makes a short formula arbitrarily long."""
-
-    def __setitem__(self, name: str, _macro: tuple[list[str], int]) -> None:
-        raise ValueError(f"{name}: macros are not supported")

@@ -8,20 +8,22 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
+from grader.domain.verdict import Status
 from grader.web.text.numbers import capitalize, number, points, quantity, unbroken
 from grader.web.text.prose import cached_prose
 from grader.web.text.statuses import FAILED, PASSED, Badge, describe_outcome
 from grader.web.verdict import evidence as read
+from grader.web.verdict.film import FilmBox, describe_film
+from grader.web.verdict.marked_script import MarkedScript, mark_script
 from grader.web.verdict.plots import Figure, draw_figures
 from grader.web.verdict.work import Given
 
 WORD = re.compile(r"([A-Z][a-z]+(?: [a-z]+){0,2}): ")
 """What a message begins with to sum itself up, such as `Too high: `."""
-LINE = re.compile(r"\bin line (\d+) of your script\b|\(line (\d+): ")
 NAMED_LINE = re.compile(r"\b[Ll]ine (\d{1,5})\b")
 HIDDEN = re.compile(r"Hidden case \d+$")
-AROUND = 2
-"""Lines of the script that are shown before and after the one that raised."""
+ENDED = frozenset({Status.CRASHED, Status.FORBIDDEN, Status.TIMED_OUT, Status.OUT_OF_MEMORY, Status.OUTPUT_TOO_LARGE})
+"""How a script ends as a whole: its verdict has findings only where it ended so in every case."""
 
 TIMES = {"script_wall": "your script", "script_cpu": "of it on the processor", "judge_cpu": "our own simulation"}
 
@@ -69,15 +71,6 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Line:
-    """A line of the script; `hot` raised."""
-
-    number: int
-    text: str
-    hot: bool
-
-
-@dataclass(frozen=True)
 class Card:
     """What the template verdict.html shows."""
 
@@ -91,7 +84,7 @@ class Card:
     passed_rows: tuple[Row, ...] = ()
     notes: tuple[str, ...] = ()
     cells: tuple[Cell, ...] = ()
-    excerpt: tuple[Line, ...] = ()
+    script: MarkedScript | None = None
     tableau: read.Tableau | None = None
     values: tuple[read.Value, ...] = ()
     explanation: Markup = field(default_factory=Markup)
@@ -112,6 +105,11 @@ class Card:
         return tuple(cell for cell in self.cells if cell.passed)
 
     @property
+    def film(self) -> FilmBox | None:
+        """The box of its films; None where no run is to be seen."""
+        return describe_film(self.evidence)
+
+    @property
     def figures(self) -> list[Figure]:
         """The plots of the evidence, drawn where a page asks for them."""
         return draw_figures(self.evidence, self.titles)
@@ -123,23 +121,34 @@ def build_card(given: Given) -> Card | None:
     if verdict is None:
         return None
     findings = verdict.get("findings") or []
+    ended = describe_end(verdict["status"], findings)
+    if ended:
+        findings = []
     columns, rows = build_matrix(findings)
     cells = [] if columns else merge_cells([build_cell(finding) for finding in findings])
     evidence = verdict.get("evidence") or {}
     titles = {finding["id"]: finding["title"] for finding in findings}
-    diagnosis = verdict.get("diagnosis") or ""
+    diagnosis = verdict.get("diagnosis") or verdict.get("remark") or ""
     said = capitalize(unbroken(diagnosis)) if diagnosis.startswith(tuple(titles.values())) else unbroken(diagnosis)
+    notes = (ended,) if ended else tuple(list_notes(columns, rows, said))
     score = f"{points(verdict['points'])} of {format_count(verdict['max_points'], 'point')}" if given.is_decided else ""
     return Card(
         given, given.badge, score, said,
         unbroken(verdict.get("read_as") or ""), columns, tuple(row for row in rows if not row.passed),
-        tuple(row for row in rows if row.passed), tuple(list_notes(columns, rows, said)), tuple(cells),
-        extract_lines(given.text, diagnosis), read.read_one(evidence, "tableau", read.Tableau),
+        tuple(row for row in rows if row.passed), notes, tuple(cells),
+        mark_script(given.text, verdict), read.read_one(evidence, "tableau", read.Tableau),
         tuple(read.read_list(evidence, "values", read.Value)),
         cached_prose(verdict["explain"]) if verdict.get("explain") else Markup(),
         (verdict.get("stdout") or "").rstrip(), (verdict.get("stderr") or "").rstrip(), tuple(list_facts(verdict)),
         evidence, titles,
     )  # fmt: skip
+
+
+def describe_end(status: str, findings: Sequence[Mapping[str, Any]]) -> str:
+    """Says that no case ran to its end, in place of a matrix of failures; empty where some did."""
+    if status not in ENDED or len(findings) < 2:
+        return ""
+    return f"None of the {len(findings)} cases ran to its end."
 
 
 def format_count(value: float, noun: str) -> str:
@@ -251,17 +260,6 @@ def list_rubric(measured: Any) -> Iterator[str]:
     if isinstance(measured, dict) and isinstance(measured.get("rubric"), list):
         for item in measured["rubric"]:
             yield f"{item['title']} ({number(item['points'])})"
-
-
-def extract_lines(source: str, diagnosis: str) -> tuple[Line, ...]:
-    """Returns the line of the script that the diagnosis names, with its neighbours."""
-    found = LINE.search(diagnosis)
-    lines = source.splitlines()
-    hot = int(found[1] or found[2]) if found else 0
-    if not 1 <= hot <= len(lines):
-        return ()
-    first, last = max(1, hot - AROUND), min(len(lines), hot + AROUND)
-    return tuple(Line(index, lines[index - 1], index == hot) for index in range(first, last + 1))
 
 
 def link_lines(text: str) -> Markup:

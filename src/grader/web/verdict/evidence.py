@@ -35,6 +35,12 @@ class Claim(Part):
     said_none: bool
 
 
+class Motion(Part):
+    """Some positions of the learner's own run of a case."""
+
+    case: str
+
+
 class Limit(Part):
     """The limits of one case and integrator [ms]; None where there is none in the search."""
 

@@ -47,8 +47,13 @@ def plot_stability(claims: Sequence[Claim], limits: Mapping[str, Limit], runs: S
     rows = [make_row(claim, limits.get(claim.case), runs) for claim in claims]
     spring = next((row.limit.spring_ms for row in rows if row.limit), None)
     known = any(row.limit for row in rows)
-    zones = "tinted is stable, hatched grows" if known else "what the runs at the ends of your brackets show"
+    zones = "tinted is stable for ever, hatched grows" if known else "what the runs at the ends of your brackets show"
     caption = f"{f'{case}: {zones}' if case else zones.capitalize()}. The bold bar is your claim."
+    if known:
+        horizon = quantity(claims[0].horizon_s, "s")
+        caption += (
+            f" A run of {horizon} may still look stable a little above its limit, and a bracket there is right as well."
+        )
     name = f"map-{claims[0].case.rpartition('.')[0] or 'all'}"
     return Sketch(name, choose_title(rows, spring), caption, make_table(rows), lambda width: draw(rows, spring, width))
 
@@ -85,7 +90,7 @@ def choose_title(rows: Sequence[Row], spring: float | None) -> str:
         named = " and ".join([", ".join(bad[:-1]), *bad[-1:]] if len(bad) > 1 else bad)
         return f"Look at {named}: an end of your bracket is on the wrong side" if bad else "Your brackets"
     if not wrong:
-        return "Here your brackets meet every limit"
+        return "Each of your brackets agrees with its limit"
     middles = [sum(row.claim.claim_ms) / 2 for row in wrong if row.claim.claim_ms]
     if spring and middles and all(abs(middle - spring) < CLOSE * spring for middle in middles):
         return "Your limit is the spring's alone: the damper is missing"
@@ -137,7 +142,7 @@ def make_table(rows: Sequence[Row]) -> tuple[tuple[str, ...], ...]:
     horizon = quantity(rows[0].claim.horizon_s, "s")
     more = [(describe_limit(row), describe_limit_within(row)) for row in rows]
     whole = ((*one, *two) for one, two in zip(body, more, strict=True))
-    return ((*head, "Limit for ever", f"Limit within {horizon}"), *whole)
+    return ((*head, "Linear stability limit", f"Limit within {horizon}"), *whole)
 
 
 def describe_limit_within(row: Row) -> str:

@@ -2,20 +2,21 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy.orm import Session
 
 from grader.courses.answering.access import LearnerAccess, describe_progress_at, read_access
 from grader.courses.people.identity import Identity
 from grader.courses.rules.policy import Shown, redact_json, spoken
+from grader.courses.rules.progress import Compared, describe_progress
 from grader.domain.policy import Policy
 from grader.domain.verdict import Status
 from grader.library import Library
 from grader.questions import Question, Quiz
-from grader.store import results, submissions
+from grader.store import line_comments, results, submissions
 from grader.store.submissions import Mark, SubmissionFilter
 from grader.store.tables import Result, Submission
 from grader.web.text.numbers import points
@@ -32,6 +33,16 @@ AGAIN = {
 """What is said of a verdict that replaced another, by its cause."""
 
 
+class Comment(NamedTuple):
+    """What an instructor wrote to a line of the script; `line` is None for all of it."""
+
+    id: str
+    line: int | None
+    text: str
+    name: str
+    at: datetime
+
+
 @dataclass(frozen=True)
 class Given:
     """One answer of a learner with as much of its verdict as they may see."""
@@ -45,6 +56,10 @@ class Given:
     withheld: str | None
     again: str = ""
     """Says when and why it was graded again, and what changed; empty if it was not, or must not be told."""
+    progress: str = ""
+    """How it compares with earlier attempts; empty where there is nothing to say."""
+    comments: Sequence[Comment] = ()
+    """Comments on lines of the script, in the order of the lines."""
 
     @property
     def badge(self) -> Badge:
@@ -57,6 +72,17 @@ class Given:
     def is_decided(self) -> bool:
         """Whether points can be shown."""
         return self.verdict is not None and self.verdict["status"] != Status.NEEDS_REVIEW
+
+    @property
+    def is_script(self) -> bool:
+        """Whether the answer is a script."""
+        return isinstance(self.answer, dict) and "source" in self.answer
+
+    @property
+    def commented(self) -> list[tuple[Comment, str]]:
+        """Each comment with the text of its line."""
+        lines = ["", *self.text.splitlines()]
+        return [(one, lines[one.line] if one.line and one.line < len(lines) else "") for one in self.comments]
 
     @property
     def text(self) -> str:
@@ -73,6 +99,7 @@ class Place:
     points: float | None
     of: float
     notice: str
+    dates: str
     may_answer: bool
     lab_is_open: bool
     due: datetime | None
@@ -141,26 +168,42 @@ def describe_place(
     decision = access.decide(quiz.id, question.id)
     counts = progress["result"]
     return Place(
-        given, None if counts is None else counts["points"], question.points, progress["notice"], decision.may_answer,
+        given, None if counts is None else counts["points"], question.points,
+        access.describe_attempts(quiz, question), access.describe_dates(quiz, question), decision.may_answer,
         given is not None and decision.why_no_lab is None, decision.due, progress["attempts_left"],
     )  # fmt: skip
 
 
-def list_attempts(session: Session, access: LearnerAccess, who: Identity, quiz: str, question: str) -> list[Given]:
+def list_attempts(
+    session: Session, access: LearnerAccess, who: Identity, quiz: str, question: str, *, most: int = ATTEMPTS_MAX
+) -> list[Given]:
     """Returns a learner's answers to one question, newest first; unreadable ones are left out."""
     wanted = SubmissionFilter(who.course, quiz=quiz, question=question, learner=who.id)
-    rows = submissions.page(session, wanted, None, ATTEMPTS_MAX)
-    return [
-        one
-        for one in read_answers(session, access, rows)
-        if one.verdict is None or one.verdict["status"] != Status.INVALID_ANSWER
-    ]
+    return compare_attempts(read_answers(session, access, submissions.page(session, wanted, None, most)))
+
+
+def compare_attempts(attempts: Sequence[Given]) -> list[Given]:
+    """Returns attempts, newest first, each with how it compares with those before; unreadable ones are left out."""
+    given = [one for one in attempts if one.verdict is None or one.verdict["status"] != Status.INVALID_ANSWER]
+    compared = [Compared(one.attempt, one.verdict) for one in reversed(given) if one.verdict]
+    said = {one.attempt: describe_progress(compared[:index], one) for index, one in enumerate(compared)}
+    return [replace(one, progress=said.get(one.attempt, "")) for one in given]
 
 
 def read_answers(session: Session, access: LearnerAccess, rows: Sequence[Submission]) -> list[Given]:
     """Stored answers as the learner may see them now."""
     verdicts, marks = submissions.verdicts(session, rows), submissions.last_marks(session, rows)
-    return [read_answer(access, row, verdicts.get(row.id), marks.get(row.id)) for row in rows]
+    given = [read_answer(access, row, verdicts.get(row.id), marks.get(row.id)) for row in rows]
+    scripts = [one.id for one in given if one.is_script and one.withheld is None]
+    comments = read_comments(session, scripts)
+    return [replace(one, comments=comments.get(one.id, ())) for one in given]
+
+
+def read_comments(session: Session, ids: Sequence[str]) -> dict[str, list[Comment]]:
+    """Returns what instructors wrote to the lines of scripts, by submission."""
+    found = line_comments.on_submissions(session, ids) if ids else {}
+    return {at: [Comment(one.id, one.line, one.text, one.name, one.created_at) for one in some]
+            for at, some in found.items()}  # fmt: skip
 
 
 def read_answer(access: LearnerAccess, row: Submission, verdict: Any | None, marks: tuple[Mark, Mark] | None) -> Given:

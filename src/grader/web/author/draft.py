@@ -1,0 +1,131 @@
+"""The draft of a course in the service: what its content folder changes, what the keys say of it, and Publish."""
+
+from typing import Any
+
+from fastapi import APIRouter, Request
+from fastapi.responses import RedirectResponse, Response
+
+from grader.courses.answering.policies import read_policies
+from grader.errors import ContentError, NotFound, Outdated
+from grader.gate.services import AppServices
+from grader.grading.content import Draft, revise
+from grader.library import Library
+from grader.library.changes import ADDED, REMOVED, Change, list_changes
+from grader.questions import kind_of
+from grader.store import results
+from grader.web.author.preview import STATES, build_preview, list_samples
+from grader.web.frame.inputs import Form, Instructor
+from grader.web.frame.rendering import page
+from grader.web.instructor.certificates import list_certificates
+from grader.web.text.questions import list_titles
+
+PAGE = "/instructor/draft"
+
+NO_REVISION = "The form names no revision: read the changes again, and publish from the page."
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get(PAGE)
+def show_draft(request: Request, services: AppServices, who: Instructor) -> Response:
+    """What the folder changes beside the content that is in use, and what is wrong with it. Raises Unauthorized,
+    Forbidden."""
+    return render(request, services, who)
+
+
+@router.post(PAGE)
+def publish(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
+    """Publishes the folder, if it is as the form's `revision` says. With a fault, or after another change, nothing is
+    published, and the page says why. Raises Unauthorized, Forbidden."""
+    try:
+        services.reload_content(who, form.get("revision", ""))
+    except Outdated as error:
+        return render(request, services, who, str(error) if form.get("revision") else NO_REVISION, 412)
+    except ContentError:
+        return render(request, services, who, "Nothing was published: mend the faults below.", 422)
+    return RedirectResponse("/instructor/content?loaded=yes", 303)
+
+
+@router.get(f"{PAGE}/{{quiz_id}}/{{question_id}}")
+def show_question(
+    quiz_id: str, question_id: str, request: Request, services: AppServices, who: Instructor, *,
+    state: str = "unanswered",
+) -> Response:  # fmt: skip
+    """A question of the folder in a state, as a student of the course will see it, with its certificate. Raises
+    NotFound, Unauthorized, Forbidden."""
+    library = services.content.of(who.course).read_draft().library
+    if library is None:
+        raise NotFound("The folder has faults: mend them, and its questions can be seen.")
+    quiz, question = library.find(quiz_id, question_id)
+    chosen = state if state in STATES else "unanswered"
+    with services.database.read() as session:
+        policy = read_policies(session, library, who.course, [quiz_id])[quiz_id]
+    rows = list_certificates(library, services.content.archive.passed)
+    return page(
+        request, "draft_question.html", who=who, quiz=quiz, question=question_id, state=chosen, states=STATES,
+        preview=build_preview(library, quiz, question, chosen, policy), samples=list_samples(question), seen_as=True,
+        starter=library.starter(question) if kind_of(question).is_script else None, learner="",
+        certificates=[row for row in rows if (row["quiz"], row["question"]) == (quiz_id, question_id)],
+    )  # fmt: skip
+
+
+def render(request: Request, services: AppServices, who: Instructor, trouble: str = "", status: int = 200) -> Response:
+    """Renders the page of the draft."""
+    content = services.content.of(who.course)
+    draft, now = content.read_draft(), content.library
+    changes = list_changes(now, draft.library) if draft.library is not None else []
+    answered = count_answered(services, who.course, changes)
+    rows = [describe_change(change, now, draft, answered) for change in changes]
+    return page(
+        request, "draft.html", status, who=who, draft=draft, rows=rows, trouble=trouble,
+        is_same=draft.library is not None and draft.revision == revise(now),
+        to_regrade=sorted({row["quiz"] for row in rows if row["regrade"]}),
+    )  # fmt: skip
+
+
+def count_answered(services: AppServices, course: str, changes: list[Change]) -> dict[tuple[str, str], int]:
+    """Returns how many learners have an attempt that counts, by quiz and question, at the quizzes that change."""
+    with services.database.read() as session:
+        return {
+            (quiz, question): learners
+            for quiz in sorted({change.quiz for change in changes})
+            for question, learners in results.count_learners(session, course, quiz).items()
+        }
+
+
+def describe_change(change: Change, now: Library, draft: Draft, answered: dict[tuple[str, str], int]) -> dict[str, Any]:
+    """Returns a change as cells of the table: what it is of, what happens, what that means."""
+    assert draft.library is not None
+    if change.lesson:
+        meaning = "Learners read it on the page of the lesson."
+        return {"quiz": f"lessons/{change.lesson}.md", "part": "", "how": change.how, "title": "Text of the lesson",
+                "keys": (), "regrade": False, "meaning": meaning, "address": None}  # fmt: skip
+    library = now if change.how == REMOVED else draft.library
+    learners = answered.get((change.quiz, change.part), 0)
+    if not change.part:
+        learners = sum(count for (quiz, _), count in answered.items() if quiz == change.quiz)
+    title = library.quiz(change.quiz).title
+    if change.part and change.is_question:
+        title = list_titles(library)[change.quiz, change.part]
+    return {
+        "quiz": change.quiz, "part": change.part, "how": change.how, "title": title, "keys": change.keys,
+        "regrade": bool(learners and change.part and change.how not in (ADDED, REMOVED) and not change.is_silent),
+        "meaning": describe_meaning(change, learners),
+        "address": f"{PAGE}/{change.quiz}/{change.part}"
+        if change.part and change.is_question and change.how != REMOVED
+        else None,
+    }  # fmt: skip
+
+
+def describe_meaning(change: Change, learners: int) -> str:
+    """Returns a sentence on what a change means for learners who have answered."""
+    have = "1 learner has answered" if learners == 1 else f"{learners} learners have answered"
+    if change.how == ADDED:
+        return "Learners see it once it is published."
+    if change.is_question and not learners and change.part:
+        return "Nobody has answered it yet."
+    if change.how == REMOVED and learners:
+        return f"{have}: it leaves their pages and the gradebook."
+    if change.is_question and change.part and not change.is_silent:
+        return f"{have}: their verdicts stay until you regrade them."
+    return "No verdict can differ."

@@ -1,0 +1,153 @@
+"""The pages of `grader author`: a question, the forms that try and save, and what waits for changes."""
+
+import time
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Header, Request
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import JSONResponse, RedirectResponse, Response
+
+from grader.errors import NotFound, Outdated
+from grader.grading.checking import Report
+from grader.library import Library
+from grader.questions import kind_of
+from grader.web.author.desk import AuthorDesk, Check, list_about
+from grader.web.author.preview import STATES, build_preview, list_samples, try_form
+from grader.web.frame.inputs import FormFields
+from grader.web.frame.rendering import page
+
+FAST_S = 0.9
+"""How long a page waits for the check; a longer one is shown when it is done [s]."""
+
+WAIT_S, POLL_S = 20.0, 0.3
+"""How long a browser waits for a change in one request, and how often the folder is looked at [s]."""
+
+SOURCE_BYTES_MAX = 1 << 20
+
+router = APIRouter(include_in_schema=False)
+
+
+def get_desk(request: Request) -> AuthorDesk:
+    """Returns the desk of this process."""
+    desk: AuthorDesk = request.app.state.desk
+    return desk
+
+
+@router.get("/")
+def begin(request: Request) -> Response:
+    """The first question; a page without one where there is none."""
+    for quiz, questions in get_desk(request).list_questions():
+        if questions:
+            return RedirectResponse(f"/edit/{quiz}/{questions[0]}", 303)
+    return page(request, "author_empty.html", root=get_desk(request).root)
+
+
+@router.get("/edit/{quiz}/{question}")
+def show(quiz: str, question: str, request: Request, state: str = "unanswered") -> Response:
+    """A question: its source, its preview in a state, and what the check says. Raises NotFound."""
+    return render(request, quiz, question, state if state in STATES else "unanswered")
+
+
+@router.post("/try/{quiz}/{question}")
+def try_answer(quiz: str, question: str, request: Request, fields: FormFields) -> Response:
+    """The same page after an answer; nothing is stored. Raises NotFound."""
+    answer = {name: values for name, values in fields.items() if name.partition(".")[0] == "answer"}
+    return render(request, quiz, question, "", answer)
+
+
+@router.post("/source/{quiz}/{question}")
+def save(quiz: str, question: str, request: Request, fields: FormFields) -> Response:
+    """Saves the source of a question by the form of the page. Raises NotFound; of a file that has changed meanwhile
+    nothing is saved, and the page shows what was typed beside the reason."""
+    sent = {name: values[0] for name, values in fields.items()}
+    source, tag = sent.get("source", "").replace("\r\n", "\n"), sent.get("tag", "")
+    try:
+        get_desk(request).save_source(quiz, question, source, tag)
+    except Outdated as error:
+        return render(request, quiz, question, "unanswered", typed=source, trouble=str(error))
+    return RedirectResponse(f"/edit/{quiz}/{question}", 303)
+
+
+@router.put("/source/{quiz}/{question}")
+async def put_source(quiz: str, question: str, request: Request, if_match: Annotated[str, Header()] = "") -> Response:
+    """Saves the source of a question for the script of the page: 204 with the new tag, 412 where the file has changed
+    since it had the tag of `If-Match`. Raises NotFound."""
+    desk, source = get_desk(request), (await request.body())[:SOURCE_BYTES_MAX].decode(errors="replace")
+    try:
+        await run_in_threadpool(desk.save_source, quiz, question, source, if_match.strip('"'))
+    except Outdated as error:
+        return JSONResponse({"why": str(error)}, 412)
+    tag = (await run_in_threadpool(desk.read_source, quiz, question))[1]
+    return Response(None, 204, {"ETag": f'"{tag}"'})
+
+
+@router.get("/changes/{quiz}/{question}")
+def wait_for_change(quiz: str, question: str, request: Request, seen: str = "") -> Response:
+    """Answers once the folder or the check is no more as the browser has `seen` it, at the latest after WAIT_S."""
+    desk, last = get_desk(request), time.monotonic() + WAIT_S
+    while (now := read_state(desk, quiz, question)) == seen and time.monotonic() < last:
+        time.sleep(POLL_S)
+    check = desk.checks.get((quiz, question))
+    return JSONResponse({"state": now, "doing": check.doing if check is not None and check.report is None else ""})
+
+
+def read_state(desk: AuthorDesk, quiz: str, question: str) -> str:
+    """Returns what the page shows, as one text: the revision of the folder, and whether its check is done."""
+    check = desk.checks.get((quiz, question))
+    done = check is not None and check.revision == desk.read_revision() and check.report is not None
+    return f"{desk.read_revision()}-{'done' if done else 'runs'}"
+
+
+def render(
+    request: Request, quiz: str, question: str, state: str, answer: dict[str, list[str]] | None = None, *,
+    typed: str | None = None, trouble: str = "",
+) -> Response:  # fmt: skip
+    """Renders the page of one question. Raises NotFound."""
+    desk = get_desk(request)
+    source, tag, is_whole = desk.read_source(quiz, question)
+    check = desk.check(quiz, question)
+    report = desk.wait_for_report(check, FAST_S)
+    loaded = desk.load(quiz)
+    file = desk.find_file(quiz)
+    shown = describe(loaded, quiz, question, state, answer) if isinstance(loaded, Library) else {"preview": None}
+    return page(
+        request, "author.html", quizzes=desk.list_questions(), quiz={"id": quiz}, question=question, file=file,
+        source=source if typed is None else typed, tag=tag, is_whole=is_whole, trouble=trouble,
+        is_writable=desk.is_writable, state=state, states=STATES, seen=read_state(desk, quiz, question),
+        seen_as=state == "due", learner="",
+        **describe_report(report, check, loaded, file, question), **shown,
+    )  # fmt: skip
+
+
+def describe(
+    library: Library, quiz_id: str, question_id: str, state: str, answer: dict[str, list[str]] | None
+) -> dict[str, Any]:
+    """Returns the preview, and how answers are read. Raises NotFound."""
+    quiz, question = library.quiz(quiz_id), library.question(quiz_id, question_id)
+    if answer is None:
+        preview = build_preview(library, quiz, question, state)
+    else:
+        preview = try_form(library, quiz, question, answer)
+    starter = library.starter(question) if kind_of(question).is_script else None
+    return {"preview": preview, "samples": list_samples(question), "starter": starter}
+
+
+def describe_report(
+    report: Report | None, check: Check, loaded: Library | list[Any], file: str, question: str
+) -> dict[str, Any]:
+    """Returns what a check says, for the template; what does not load is told before the check is done."""
+    faults = loaded if isinstance(loaded, list) else [] if report is None else [*report.faults, *report.undecided]
+    return {
+        "faults": list(list_about(faults, file, question)),
+        "remarks": [] if report is None else report.warnings,
+        "certificates": [] if report is None else report.certificates,
+        "references": [] if report is None else report.references,
+        "luck": [] if report is None else report.chances,
+        "doing": check.doing if report is None else "",
+    }
+
+
+async def refuse(request: Request, error: Exception) -> Response:
+    """Renders an error as a page."""
+    status = 404 if isinstance(error, NotFound) else 409
+    return page(request, "author_empty.html", status, root=get_desk(request).root, why=str(error))

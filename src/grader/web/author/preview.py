@@ -1,0 +1,129 @@
+"""A question as a student sees it in every state: before an answer, after a wrong and a right one, after it is due."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from grader.courses.answering.access import LearnerAccess
+from grader.courses.rules.policy import Shown, redact_json
+from grader.domain.policy import Policy, Progress
+from grader.domain.verdict import Status, Verdict
+from grader.errors import InvalidAnswer
+from grader.library import Library
+from grader.questions import Fields, Question, Quiz, grade_answer, kind_of
+from grader.web.learner.lesson import Asked, Typed, describe_question
+from grader.web.text.questions import describe_quiz
+from grader.web.text.statuses import Badge, describe_status
+from grader.web.verdict.work import Given, Work, describe_place
+
+STATES = {"unanswered": "Unanswered", "wrong": "Wrong", "right": "Right", "due": "After due"}
+
+MARGIN = timedelta(minutes=1)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """An answer as people might give it, how it is read, and what it gets."""
+
+    text: str
+    read_as: str
+    badge: Badge
+    points: float
+
+
+@dataclass(frozen=True)
+class Preview:
+    """A question in one state. `note` says why the state is not shown; `asked` is None then."""
+
+    asked: Asked | None
+    note: str = ""
+
+
+def list_samples(question: Question) -> list[Sample]:
+    """Returns how answers that people might give are read and judged."""
+    kind = kind_of(question)
+    found = []
+    for answer in kind.sample_answers(question):
+        verdict = grade_answer(question, answer)
+        is_read = verdict.status is not Status.INVALID_ANSWER
+        read_as = (verdict.read_as or "") if is_read else verdict.diagnosis or ""
+        text = answer if isinstance(answer, str) else kind.show(question, answer)
+        found.append(Sample(text, read_as, describe_status(verdict.status, withheld=False), verdict.points))
+    return found
+
+
+def find_answer(question: Question, status: Status) -> tuple[Any, Verdict] | None:
+    """Returns an answer to show with its verdict: of the status, or one of which a person decides."""
+    for answer in kind_of(question).sample_answers(question):
+        verdict = grade_answer(question, answer)
+        if verdict.status in (status, Status.NEEDS_REVIEW):
+            return answer, verdict
+    return None
+
+
+def build_preview(
+    library: Library, quiz: Quiz, question: Question, state: str, policy: Policy | None = None
+) -> Preview:
+    """Returns a question in one of STATES, by a policy: by default that of its quiz."""
+    policy = policy or quiz.default_policy
+    if state == "due" and policy.due is None:
+        return Preview(None, "This quiz has no due date: write one into its policy.")
+    found = None
+    if state != "unanswered":
+        found = find_answer(question, Status.CORRECT if state == "right" else Status.INCORRECT)
+        if found is None and kind_of(question).is_script:
+            return Preview(None, "A script is judged by a run: see the reference programs below.")
+        if found is None:
+            return Preview(None, "This kind names no answer for this state: answer below, under Unanswered.")
+    return Preview(build_asked(library, quiz, question, found, policy, is_over=state == "due"))
+
+
+def try_form(library: Library, quiz: Quiz, question: Question, fields: Fields) -> Preview:
+    """Returns a question after the answer of a form, as the first attempt; with what is wrong with it where it cannot
+    be read."""
+    kind = kind_of(question)
+    try:
+        answer = kind.from_form(question, fields)
+        verdict = grade_answer(question, answer)
+        if verdict.status is Status.INVALID_ANSWER:
+            raise InvalidAnswer(verdict.diagnosis or "")
+    except InvalidAnswer as error:
+        typed = Typed(quiz.id, question.id, fields, str(error))
+        return Preview(build_asked(library, quiz, question, None, quiz.default_policy, typed=typed))
+    return Preview(build_asked(library, quiz, question, (answer, verdict), quiz.default_policy))
+
+
+def build_asked(
+    library: Library, quiz: Quiz, question: Question, found: tuple[Any, Verdict] | None, policy: Policy, *,
+    is_over: bool = False, typed: Typed | None = None,
+) -> Asked:  # fmt: skip
+    """Returns a question with an answer and its verdict, redacted as a student sees it."""
+    solved = found is not None and found[1].status is Status.CORRECT
+    progress = Progress() if found is None else Progress(used=1, solved=solved)
+    at = choose_moment(policy, is_over=is_over)
+    policies: Mapping[str, Policy] = {quiz.id: policy}
+    access = LearnerAccess(library, policies, "student", at, {(quiz.id, question.id): progress}, {}, {})
+    decision = access.decide(quiz.id, question.id)
+    given = None
+    if found is not None:
+        answer, verdict = found
+        shown = redact_json(verdict, decision)
+        given = Given("preview", 1, at, answer, "done", shown, decision.withheld)
+    place = describe_place(access, quiz, question, given, None)
+    if given is not None and given.is_decided and decision.shown >= Shown.FEEDBACK:
+        place = replace(place, points=found[1].points if found else None)
+    view = next(one for one in describe_quiz(library, quiz)["questions"] if one["id"] == question.id)
+    view["path"] = f"/try/{quiz.id}/{question.id}"
+    return describe_question(view, question, quiz.id, Work(access, {(quiz.id, question.id): place}), typed)
+
+
+def choose_moment(policy: Policy, *, is_over: bool) -> datetime:
+    """Returns a moment at which answers are taken; where it `is_over`, one at which none is taken any more."""
+    closes = policy.late.until if policy.late is not None else policy.due
+    if is_over and closes is not None:
+        return closes + MARGIN
+    now = datetime.now(UTC)
+    if policy.opens is not None and now < policy.opens:
+        return policy.opens + MARGIN
+    return policy.due - MARGIN if policy.due is not None and now > policy.due else now

@@ -1,0 +1,87 @@
+"""`/instructor/alike`: scripts that look alike, for instructors alone. It needs no script."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import Response
+
+from grader.courses.people.identity import Identity
+from grader.courses.reporting.alike import AlikeAt, compare_scripts, list_exercises
+from grader.errors import NotFound
+from grader.gate.services import AppServices, Services
+from grader.questions import Question
+from grader.web.frame.inputs import Visitor
+from grader.web.frame.rendering import page
+from grader.web.instructor.review_list import PAGE as REVIEW
+from grader.web.learner.pages import show_sign_in
+from grader.web.text.questions import list_titles
+
+PAGE = "/instructor/alike"
+
+router = APIRouter(include_in_schema=False)
+
+Id = Annotated[str, Query(pattern="^[0-9a-f]{0,32}$")]
+
+
+@dataclass(frozen=True)
+class Side:
+    """One of two scripts: whose it is, and its lines, each with whether the other has it too."""
+
+    name: str
+    address: str
+    lines: tuple[tuple[str, bool], ...]
+
+
+@router.get(PAGE)
+def show_alike(
+    request: Request, services: AppServices, who: Visitor, *, what: Annotated[str, Query(max_length=200)] = "",
+    one: Id = "", other: Id = "",
+) -> Response:  # fmt: skip
+    """Pairs of scripts at an exercise, or two side by side; anyone but an instructor is told to sign in.
+
+    `what` is the quiz and the exercise, with a slash between. Raises NotFound."""
+    if who is None or not who.is_instructor:
+        return show_sign_in(request, services, who)
+    exercises = list_exercises(services.library_for(who))
+    titles = list_titles(services.library_for(who))
+    context: dict[str, Any] = {
+        "exercises": [(f"{quiz}/{asked.id}", titles[quiz, asked.id]) for quiz, asked in exercises],
+        "what": what,
+        "found": None,
+        "sides": (),
+    }
+    if exercises:
+        found = compare(services, who, choose_exercise(exercises, what))
+        context |= {"found": found, "what": f"{found.quiz}/{found.question}"}
+        if one or other:
+            context["sides"] = make_sides(found, one, other)
+    return page(request, "alike.html", who=who, **context)
+
+
+def choose_exercise(exercises: list[tuple[str, Question]], what: str) -> tuple[str, Question]:
+    """Returns the exercise of this name, the first without one. Raises NotFound."""
+    for quiz, question in exercises:
+        if what in ("", f"{quiz}/{question.id}"):
+            return quiz, question
+    raise NotFound("There is no such exercise.")
+
+
+def compare(services: Services, who: Identity, at: tuple[str, Question]) -> AlikeAt:
+    """Compares the scripts at an exercise."""
+    with services.database.read() as session:
+        return compare_scripts(services.classes, services.desk_of(who.course), session, who, at)
+
+
+def make_sides(found: AlikeAt, one: str, other: str) -> tuple[Side, Side]:
+    """Returns two scripts side by side. Raises NotFound where they are none of these."""
+    if one not in found.fingerprints or other not in found.fingerprints:
+        raise NotFound("One of the two has handed in another script meanwhile.")
+    return make_side(found, one, other), make_side(found, other, one)
+
+
+def make_side(found: AlikeAt, one: str, other: str) -> Side:
+    """Returns one of two scripts."""
+    marked = found.mark(one, other)
+    lines = tuple((line, number in marked) for number, line in enumerate(found.sources[one].splitlines(), 1))
+    return Side(found.names[one], f"{REVIEW}/{one}?which=submissions", lines)

@@ -1,0 +1,238 @@
+"""`/instructor/class/{quiz}/{question}`: the class at one question, on one axis and by mistake. It needs no script."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import Response
+
+from grader.courses.people.identity import Identity
+from grader.courses.reporting.class_answers import ATTEMPTS_MAX, ClassAnswers, ClassAttempt
+from grader.courses.rules.claims import Claim, ClaimAxis
+from grader.courses.rules.mistakes import Family, Made, find_cure
+from grader.gate.services import AppServices, Services
+from grader.questions import Question, kind_of
+from grader.web.cohort.axis_plot import ClassPlot, draw_class, write_claim
+from grader.web.frame.inputs import Visitor
+from grader.web.frame.rendering import page
+from grader.web.instructor.review_list import PAGE as REVIEW
+from grader.web.instructor.statistics import CLASS
+from grader.web.learner.pages import show_sign_in
+from grader.web.text.numbers import number as write
+from grader.web.text.numbers import quantity
+from grader.web.text.questions import list_titles
+
+ALONE = 4
+"""So many mistakes of one learner each are shown at once; more are folded."""
+NAMES = 60
+"""Learners of a mistake that are named."""
+
+router = APIRouter(include_in_schema=False)
+
+Part = Annotated[str, Query(max_length=200)]
+
+
+@dataclass(frozen=True)
+class Person:
+    """A learner in a list: a name, and where the answer is."""
+
+    name: str
+    address: str
+    is_still: bool = True
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A mistake, or an option, with who is behind its count; `share` is the part of all learners in percent."""
+
+    key: str
+    name: str
+    sentence: str
+    still: int
+    was: int
+    people: tuple[Person, ...]
+    more: int
+    is_right: bool = False
+
+    @property
+    def learners(self) -> int:
+        """How many there are."""
+        return self.still + self.was
+
+
+@dataclass(frozen=True)
+class ClassAt:
+    """A class at one question, as this instructor may see it."""
+
+    quiz: str
+    question: Question
+    answers: ClassAnswers
+    families: Sequence[Family]
+    title: str
+
+    @property
+    def path(self) -> str:
+        """The address of the page."""
+        return f"{CLASS}/{self.quiz}/{self.question.id}"
+
+    @property
+    def learners(self) -> int:
+        """How many have an attempt."""
+        return len(self.answers.by_learner)
+
+    def choose_axis(self, wanted: str) -> ClaimAxis | None:
+        """Returns the axis of this id; without one the first with a right value, None where there is none."""
+        axes = self.answers.axes
+        found = [axis for axis in axes if axis.id == wanted] or [axis for axis in axes if axis.right] or list(axes)
+        return found[0] if found else None
+
+    def find_family(self, key: str) -> Family | None:
+        """Returns the mistake of this key."""
+        return next((one for one in self.families if one.key == key), None)
+
+
+def read_class(services: Services, who: Identity, quiz: str, question: str) -> ClassAt:
+    """Reads a class at a question. Raises NotFound."""
+    library = services.library_for(who)
+    asked = library.question(quiz, question)
+    with services.database.read() as session:
+        answers = services.classes.read_for(services.desk_of(who.course), session, who, quiz, asked)
+    return ClassAt(quiz, asked, answers, answers.families, list_titles(library)[quiz, question])
+
+
+@router.get(f"{CLASS}/{{quiz_id}}/{{question_id}}")
+def show_class(
+    request: Request, services: AppServices, who: Visitor, quiz_id: str, question_id: str, *, axis: Part = "",
+    said: Annotated[int, Query(ge=0, le=10_000)] = 0,
+) -> Response:  # fmt: skip
+    """The class at one question; anyone but an instructor is told to sign in. Raises NotFound."""
+    if who is None or not who.is_instructor:
+        return show_sign_in(request, services, who)
+    at = read_class(services, who, quiz_id, question_id)
+    chosen = at.choose_axis(axis)
+    plot = None if chosen is None else draw_class(at.answers, chosen, address=make_address)
+    context: dict[str, Any] = {
+        "at": at,
+        "axis": chosen,
+        "plot": plot,
+        "headline": choose_headline(at, chosen, plot),
+        "mistakes": [list_family(at, one) for one in at.families],
+        "shown": count_shown(at.families),
+        "options": list_options(at),
+        "advice": advise(at, chosen, plot),
+        "is_script": kind_of(at.question).is_script,
+        "is_cut": at.answers.attempts >= ATTEMPTS_MAX,
+        "said": said,
+    }
+    return page(request, "class.html", who=who, **context)
+
+
+def make_address(attempt: ClassAttempt) -> str:
+    """Returns where an instructor reads an answer."""
+    return f"{REVIEW}/{attempt.id}?which=submissions"
+
+
+def list_family(at: ClassAt, family: Family) -> Listed:
+    """Returns a mistake with its learners: those who still make it first."""
+    people = [
+        find_person(at, made, is_still=is_still)
+        for is_still, some in ((True, family.still), (False, family.was))
+        for made in some
+    ]
+    return Listed(
+        family.key, family.name, family.sentence, len(family.still), len(family.was), tuple(people[:NAMES]),
+        max(0, len(people) - NAMES),
+    )  # fmt: skip
+
+
+def count_shown(families: Sequence[Family]) -> int:
+    """Returns how many mistakes are shown at once: those of several learners, and a few of one."""
+    several = sum(one.learners > 1 for one in families)
+    return len(families) if len(families) <= several + ALONE else max(several, ALONE)
+
+
+def find_person(at: ClassAt, made: Made, *, is_still: bool) -> Person:
+    """Returns who made a mistake, and the answer in which they did."""
+    attempt = at.answers.find(made.submission)
+    assert attempt is not None
+    return Person(attempt.name, make_address(attempt), is_still)
+
+
+def list_options(at: ClassAt) -> list[Listed]:
+    """Returns the options of a question with who chose each at the first attempt; none where there are no options."""
+    options = kind_of(at.question).options(at.question)
+    firsts = [theirs[0] for theirs in at.answers.by_learner.values()]
+    listed = []
+    for place, option in enumerate(options):
+        chose = [Person(one.name, make_address(one)) for one in firsts if place in one.options]
+        if chose or len(options) <= NAMES:
+            rest = max(0, len(chose) - NAMES)
+            key = f"option-{place}"
+            listed.append(Listed(key, option.text, "", len(chose), 0, tuple(chose[:NAMES]), rest, option.is_right))
+    return listed
+
+
+def choose_headline(at: ClassAt, axis: ClaimAxis | None, plot: ClassPlot | None) -> str:
+    """Says what is to be seen of the class, from the numbers alone."""
+    solved, learners = len(at.answers.solved), at.learners
+    if not learners:
+        return "Nobody has answered yet"
+    solve = f"{solved} of {learners} {'has' if learners == 1 else 'have'} solved it"
+    if plot is not None and axis is not None and axis.right is not None and plot.near > solved:
+        what = "claims hold the limit" if axis.is_limit else "numbers are right"
+        return f"{plot.near} of {plot.claims} {what}, yet only {solve}"
+    still = [one for one in at.families if one.still]
+    if still and len(still[0].still) > 1:
+        return f"{solve}; {len(still[0].still)} still end in one mistake"
+    return solve
+
+
+def advise(at: ClassAt, axis: ClaimAxis | None, plot: ClassPlot | None) -> list[str]:
+    """Returns what to say to the class: at most two sentences, from the numbers; none where there is nothing to say."""
+    sentences = []
+    for family in sorted(at.families, key=lambda one: (-len(one.still), -one.learners))[:1]:
+        if family.learners > 1:
+            cure = find_cure(family.sentence)
+            mended = f", {len(family.was)} no longer" if family.was else ""
+            count = f"{len(family.still)} of {at.learners} learners still get this verdict{mended}"
+            sentences.append(f"{count}: “{family.name}.”" + (f" Say: {cure}" if cure else ""))
+    wrong = find_wrong_pile(at, axis)
+    if axis is not None and plot is not None and wrong is not None:
+        shared, value = wrong
+        sentences.append(f"The commonest wrong answer is {value} ({shared} learners); {describe_right(axis)}.")
+    elif len(at.families) > 1 and at.families[1].learners > 1:
+        other = at.families[1]
+        sentences.append(f"{other.learners} learners met “{other.name}”; {len(other.was)} got past it.")
+    elif axis is not None and plot is not None and axis.right is not None and plot.claims:
+        sentences.append(f"{plot.near} of {plot.claims} answers are right here; {describe_right(axis)}.")
+    return sentences
+
+
+def describe_right(axis: ClaimAxis) -> str:
+    """Says where the right value lies; nothing more where it is unknown."""
+    if axis.right is None:
+        return "here nothing is unstable" if axis.is_limit else "the right one is unknown"
+    value = axis.right[0] if axis.is_limit else sum(axis.right) / 2
+    said = quantity(value, axis.unit) if axis.unit else write(value)
+    return f"the limit is {said}" if axis.is_limit else f"{said} is right"
+
+
+def find_wrong_pile(at: ClassAt, axis: ClaimAxis | None) -> tuple[int, str] | None:
+    """Returns how many learners share the commonest wrong claim, and the claim; None where no two share one."""
+    if axis is None:
+        return None
+    found: dict[str, int] = {}
+    for theirs in at.answers.by_learner.values():
+        claims = [one.claims[axis.id] for one in theirs if axis.id in one.claims]
+        if claims and not axis.accepts(claims[-1]):
+            claim = claims[-1]
+            said = "no limit" if claim.is_none else write_claim(Claim(*[round_figures(claim.middle)] * 2), axis)
+            found[said] = found.get(said, 0) + 1
+    said, count = max(found.items(), key=lambda one: one[1], default=("", 0))
+    return (count, said) if count > 1 else None
+
+
+def round_figures(value: float) -> float:
+    """Returns a number to three figures, so that equal methods give equal words."""
+    return float(f"{value:.3g}")

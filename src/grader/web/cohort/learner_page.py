@@ -1,0 +1,74 @@
+"""`/quizzes/{quiz}/{question}/class`: where the class stands, for a learner who has solved the question. It names
+nobody, and shows nothing where too few have answered to hide among. It needs no script."""
+
+from collections import Counter
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import Response
+
+from grader.courses.answering.access import read_access
+from grader.courses.reporting.class_answers import ClassAnswers
+from grader.courses.rules.claims import Claim, ClaimAxis
+from grader.courses.rules.policy import Shown
+from grader.errors import Conflict
+from grader.gate.services import AppServices
+from grader.web.cohort.axis_plot import draw_class, list_dots, write_claim
+from grader.web.frame.inputs import Visitor
+from grader.web.frame.rendering import page
+from grader.web.learner.pages import show_sign_in
+from grader.web.text.questions import list_titles
+
+LEARNERS_MIN = 8
+"""Learners with a claim on an axis before it is shown to learners."""
+PILE_MIN = 3
+"""Learners of a pile that is named."""
+
+NOT_SOLVED = "You see where the class stands once you have solved the question, and its solution may be seen."
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/quizzes/{quiz_id}/{question_id}/class")
+def show_to_learner(
+    request: Request, services: AppServices, who: Visitor, quiz_id: str, question_id: str, *,
+    axis: Annotated[str, Query(max_length=200)] = "",
+) -> Response:  # fmt: skip
+    """The class without names. Raises NotFound; Conflict before the learner has solved the question."""
+    if who is None:
+        return show_sign_in(request, services, who)
+    library = services.library_for(who)
+    asked = library.question(quiz_id, question_id)
+    with services.database.read() as session:
+        access = read_access(session, library, who, (quiz_id, question_id))
+        if (
+            access.decide(quiz_id, question_id).shown is not Shown.SOLUTION
+            or not access.progress_at(quiz_id, question_id).solved
+        ):
+            raise Conflict(NOT_SOLVED)
+        answers = services.classes.read_anonymous(session, who.course, (quiz_id, library.digest(quiz_id)), asked)
+    axes = [one for one in answers.axes if len(list_dots(answers, one)) >= LEARNERS_MIN]
+    chosen = next((one for one in axes if one.id == axis), None) or next((one for one in axes if one.right), None)
+    context: dict[str, Any] = {
+        "title": list_titles(library)[quiz_id, question_id],
+        "path": f"/quizzes/{quiz_id}/{question_id}",
+        "axes": axes,
+        "axis": chosen,
+        "plot": None if chosen is None else draw_class(answers, chosen, own=who.id, named_from=PILE_MIN),
+        "rows": [] if chosen is None else count_claims(answers, chosen),
+        "solved": len(answers.solved),
+        "learners": len(answers.by_learner),
+        "least": LEARNERS_MIN,
+    }
+    return page(request, "class_learner.html", who=who, **context)
+
+
+def count_claims(answers: ClassAnswers, axis: ClaimAxis) -> list[tuple[str, int]]:
+    """Returns the claims on an axis to two figures, with how many learners made each, the commonest first."""
+    counts = Counter(round_claim(dot.claim, axis) for dot in list_dots(answers, axis))
+    return sorted(counts.items(), key=lambda one: (-one[1], one[0]))
+
+
+def round_claim(claim: Claim, axis: ClaimAxis) -> str:
+    """Returns the middle of a claim to two figures, in words."""
+    return "no limit" if claim.is_none else "about " + write_claim(Claim(*[float(f"{claim.middle:.2g}")] * 2), axis)
