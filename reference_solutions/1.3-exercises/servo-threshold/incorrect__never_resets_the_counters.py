@@ -1,4 +1,4 @@
-# diagnosis: never reset it
+# diagnosis: never call mujoco.mj_resetData
 import mujoco
 def largest_stable_timestep(model, integrator):
     model.opt.integrator = integrator

@@ -1,4 +1,4 @@
-# diagnosis: it makes an MjData, but mj_step is never called
+# diagnosis: it makes an MjData, but mj_step is not called in this case
 import mujoco
 
 

@@ -1,4 +1,4 @@
-# diagnosis: your answer calls that timestep stable
+# diagnosis: 1.01 times what it found
 """The bracket of a right bisection, moved up by 1 %: its ends were never tried."""
 
 import mujoco

@@ -1,0 +1,3 @@
+# diagnosis: IndexError
+def make(model):
+    return lambda t, seen: seen[3]

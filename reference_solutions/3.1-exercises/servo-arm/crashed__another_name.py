@@ -1,0 +1,3 @@
+# diagnosis: Rename controller to control
+def controller(model, data, target):
+    return 0.0
