@@ -17,11 +17,22 @@ JUDGING = [
     for path in sorted(GRADER.glob(f"exercises/kinds/{kind}/judging/*.py"))
 ]
 NUMERICS = (
-    *("integrators", "needs", "process", "rollout", "scene", "stepping", "version", "visuals", "workspace"),
+    *(
+        "integrators",
+        "needs",
+        "process",
+        "recording",
+        "rollout",
+        "scene",
+        "stepping",
+        "version",
+        "visuals",
+        "workspace",
+    ),
     *("accuracy/runge_kutta", "stability/horizon", "stability/linear"),
 )
 SHARED = (
-    "exercises/harness.py",
+    "exercises/driving/harness.py",
     "exercises/judgement.py",
     *JUDGING,
     *(f"numerics/{name}.py" for name in NUMERICS),

@@ -84,7 +84,7 @@ def show(text: str, markup: str) -> None:
         return
     from IPython.display import publish_display_data
 
-    publish_display_data({"text/plain": text, "text/html": markup})  # type: ignore[no-untyped-call]
+    publish_display_data({"text/plain": text, "text/html": markup})
 
 
 def show_code(codes: Mapping[str, Any]) -> None:

@@ -65,6 +65,11 @@ def deliver(connection: Connection, waiting: Waiting) -> Any:
             f"{error} Your answer to {waiting.question} is kept here and not handed in yet: g.sync() sends it, and so "
             "does your next g.submit(). It is never taken twice."
         ) from None
+    except KeyboardInterrupt:
+        raise Offline(
+            f"Stopped while your answer to {waiting.question} was sent. It is kept here: g.sync() sends it, and so "
+            "does your next g.submit(). It is never taken twice."
+        ) from None
     except SignInAgain as error:
         raise SignInAgain(f"{error} Your answer is kept; send it with g.sync().") from None
     except Refusal:

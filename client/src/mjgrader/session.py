@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from mjgrader import devices, outbox
 from mjgrader.accounts import Account, forget_account, load_account, read_site, save_account
 from mjgrader.checking import CELLS, Check, check_source
 from mjgrader.connection import Connection
-from mjgrader.errors import NotRunning, Sentence
+from mjgrader.errors import NotRunning, Refusal, Sentence
 from mjgrader.kits import Kit, find_kit, unpack_kit
 from mjgrader.showing import Answer
 from mjgrader.showing import Progress as ProgressTable
@@ -61,7 +61,7 @@ class Session:
         connection = Connection(account, self.say, self.transport)
         quizzes = connection.get("/quizzes")["items"]  # the token is tried
         names = ", ".join(dict.fromkeys(name for _, name in self.list_exercises(connection, quizzes)))
-        self.account = account
+        self.account = account = account if account.user else read_owner(connection)
         kept = (
             f" {SCOPE_HINT.format(save_account(account))}" if remember else " Your token is kept in this process alone."
         )
@@ -119,7 +119,6 @@ class Session:
 
     def check(self, source: str, kit: Kit, file: str = CELLS) -> Check:
         """Judges the visible cases on this machine; tracebacks name `file`. Raises Sentence."""
-        self.say("Running the visible cases ...")
         return check_source(source, kit, file)
 
     def submit(self, source: str, kit: Kit, file: str = CELLS, *, anyway: bool = False, wait: bool = True) -> Answer:
@@ -149,13 +148,17 @@ class Session:
         connection, told, began = self.connect(), "", time.monotonic()
         pauses = iter(POLL_S)
         pause = POLL_S[0]
-        while answer.is_under_way and time.monotonic() - began < VERDICT_S_MAX:
-            if answer.status != told:
-                told = answer.status
-                self.say({"queued": "Handed in; waiting for a grader.", "running": "Running."}.get(told, told))
-            pause = next(pauses, pause)
-            time.sleep(pause)
-            answer = self.read(connection, answer.id)
+        try:
+            while answer.is_under_way and time.monotonic() - began < VERDICT_S_MAX:
+                if answer.status != told:
+                    told = answer.status
+                    self.say({"queued": "Handed in; waiting for a grader.", "running": "Running."}.get(told, told))
+                pause = next(pauses, pause)
+                time.sleep(pause)
+                answer = self.read(connection, answer.id)
+        except KeyboardInterrupt:
+            self.say("Stopped waiting. It is handed in, and graded all the same: g.result() shows the verdict.")
+            return answer
         answer = Answer(answer.submission, answer.site, self.count_left(connection, answer))
         self.last = answer
         if answer.is_under_way:
@@ -199,3 +202,12 @@ class Session:
         self.say(f"Sent: {len(sent)}." if sent else "Nothing waits to be sent.")
         self.last = sent[-1] if sent else self.last
         return sent
+
+
+def read_owner(connection: Connection) -> Account:
+    """Returns the account with the name and the course of its token's owner, which an older server does not tell."""
+    try:
+        me = connection.get("/me")
+    except Refusal:
+        return connection.account
+    return replace(connection.account, user=me.get("user"), course=me.get("course"))

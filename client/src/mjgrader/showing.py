@@ -105,7 +105,8 @@ class Answer:
         """What holds for the attempt, in sentences."""
         facts = [f"Attempt {self.submission['attempt']} at {self.submission['question']}."]
         if self.attempts_left is not None:
-            facts.append(f"{self.attempts_left} attempts are left.")
+            one = self.attempts_left == 1
+            facts.append("1 attempt is left." if one else f"{self.attempts_left} attempts are left.")
         facts.append(f"On the page: {self.site}/quizzes/{self.submission['quiz']}/{self.submission['question']}")
         return facts
 

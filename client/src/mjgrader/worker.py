@@ -17,7 +17,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from grader.exercises import harness
+from grader.exercises.driving import harness
 from grader.exercises.judgement import list_counting
 from grader.numerics.process import prepare
 from mjgrader.judges import DRIVERS, JUDGES

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 
 import mujoco
@@ -56,6 +56,18 @@ class Meter:
         )
         spent = time.thread_time() - begin
         return Run(rollout, spent / max(rollout.steps * timestep_s, timestep_s))
+
+    def cut(self, run: Run) -> Run:
+        """Returns the beginning of a run of the same scene that lasted longer: the states that `run` would keep."""
+        rollout = run.rollout
+        steps = round(float(self.times_of(rollout.timestep_s)[-1]) / rollout.timestep_s)
+        if rollout.steps < steps:  # it diverged within this time
+            return run
+        kept = int(np.searchsorted(rollout.step, steps, side="right"))
+        beginning = rollout._replace(
+            step=rollout.step[:kept], states=rollout.states[:kept], steps=steps, diverged_at_step=None, warning=None
+        )
+        return replace(run, rollout=beginning)
 
     def reference_run(self, setting: Setting, times_s: Vector) -> Rollout:
         """Returns a run that is kept at the steps on both sides of every time."""

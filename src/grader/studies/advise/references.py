@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.numerics.accuracy.reference import Adaptive, Reference, find_obstacle, solve_adaptively, solve_dop853
+from grader.numerics.accuracy.reference import Reference, find_obstacle, solve_adaptively, solve_dop853
 from grader.numerics.integrators import EULER, IMPLICITFAST, RK4, Integrator
 from grader.numerics.rollout import Rollout
 from grader.numerics.scene import Vector
@@ -42,8 +42,10 @@ SHRINKS = 0.75
 """Factor a halving by which stepped runs must approach an adaptive reference to confirm it. Source: methods of first
 order halve their distance; impacts at other phases of a step make it vary."""
 
-RTOLS = (1e-9, 1e-11, 1e-13)
-"""Tolerances of DOP853: tightened until two of them agree."""
+RTOLS = (1e-7, 1e-9, 1e-11, 1e-13)
+"""Tolerances of DOP853: tightened until two of them agree, from the first within RTOLS_SHARE of the tolerance on."""
+
+RTOLS_SHARE = 1e-3
 
 UNTIL_MIN_S = 0.1
 """Shortest part of a run [s] for which a choice is made where the whole cannot be told."""
@@ -117,21 +119,26 @@ class References:
                 confirmed = self.confirm(*adaptive, times_s)
                 if self.accepts(confirmed.doubts[-1]):
                     return confirmed
+        agreed = 0 if adaptive is None else self.count_accepted(adaptive[1])
         try:
-            stepped = self.step_pairs(times_s)
+            stepped = self.step_pairs(times_s, agreed)
         except OutOfTime:
             if adaptive is None:
                 raise
             return self.confirm(*adaptive, times_s, spend=False)
         if adaptive is None:
             return stepped
-        told = np.sum(self.accepts(stepped.doubts))
-        partly = self.confirm(*adaptive, times_s, spend=bool(np.sum(self.accepts(adaptive[1])) > LONGER * told))
-        return partly if np.sum(self.accepts(partly.doubts)) > told else stepped
+        told = self.count_accepted(stepped.doubts)
+        partly = self.confirm(*adaptive, times_s, spend=agreed > LONGER * told)
+        return partly if self.count_accepted(partly.doubts) > told else stepped
 
     def accepts(self, doubt: float | Vector) -> NDArray[np.bool_]:
         """Whether a choice can be made with this uncertainty."""
         return np.asarray(np.asarray(doubt) <= ACCEPTED_SHARE * self.tolerance)
+
+    def count_accepted(self, doubts: Vector) -> int:
+        """Returns at how many times, from the first on, a choice can be made."""
+        return int(np.sum(self.accepts(doubts)))
 
     def solve_smooth(self, times_s: Vector) -> Solution:
         """Returns the first solution by DOP853 with which the one before agrees, or the last. Raises Touched."""
@@ -157,10 +164,12 @@ class References:
                 raise Touched
 
         found = False
-        for rtol in RTOLS:
+        for rtol in [rtol for rtol in RTOLS[:-2] if rtol <= RTOLS_SHARE * self.tolerance] + [*RTOLS[-2:]]:
             self.progress(f"the reference: DOP853 at a tolerance of {rtol:g}")
             try:
-                yield solve_dop853(self.meter.scene, times_s, rtol=rtol, forward=forward, constraints=False)
+                yield solve_dop853(
+                    self.meter.scene, times_s, rtol=rtol, atol=rtol / 100, forward=forward, constraints=False
+                )
             except OutOfTime:
                 if not found:
                     raise
@@ -172,30 +181,20 @@ class References:
         once, or the budget is spent. Solves again at the second tolerance where that may tell for longer."""
         best: tuple[Reference, Vector] | None = None
         for share in RTOL_SHARES:
-            pair = self.solve_twice(times_s, float(np.clip(share * self.tolerance, RTOL_MIN, RTOL_MAX)))
-            if pair is None:
+            rtol = float(np.clip(share * self.tolerance, RTOL_MIN, RTOL_MAX))
+            self.progress(f"the reference: RK23 and RK45 at a tolerance of {rtol:g}, across constraints")
+            low, high = solve_adaptively(self.meter.scene, times_s, "RK23", "RK45", rtol=rtol, until=self.until)
+            apart, reached = self.meter.distances(low, high, times_s), len(high.time)
+            if not reached:
+                self.stuck_s = 0.0
                 break
-            apart, reached = self.meter.distances(*pair, times_s), len(pair[1].time)
-            if best is None or np.sum(self.accepts(apart)) >= np.sum(self.accepts(best[1])):
-                best = pair[1], apart
+            if best is None or self.count_accepted(apart) >= self.count_accepted(best[1]):
+                best = high, apart
             self.stuck_s = float(times_s[reached - 1]) if reached < len(times_s) else None
             hopeful = 2 * reached >= len(times_s) and self.accepts(apart[reached - 1] * RTOL_GAIN)
             if self.accepts(apart[-1]) or not hopeful:
                 break
         return best
-
-    def solve_twice(self, times_s: Vector, rtol: float) -> tuple[Reference, Reference] | None:
-        """Returns solutions by RK23, and by RK45 up to where that got stuck; None where one got stuck at once."""
-        solutions = list[Reference]()
-        methods: tuple[Adaptive, ...] = ("RK23", "RK45")
-        for method in methods:
-            self.progress(f"the reference: {method} at a tolerance of {rtol:g}, across constraints")
-            solutions.append(solve_adaptively(self.meter.scene, times_s, method, rtol=rtol, until=self.until))
-            times_s = times_s[: len(solutions[-1].time)]
-            if not len(times_s):
-                self.stuck_s = 0.0
-                return None
-        return solutions[0], solutions[1]
 
     def confirm(self, best: Reference, agree: Vector, times_s: Vector, *, spend: bool = True) -> Solution:
         """Returns the adaptive solution, uncertain by its distance to the other, `agree`, where stepped runs are near
@@ -207,7 +206,8 @@ class References:
         for index, finest_s in enumerate(CONFIRMING_S):
             if np.array_equal(self.accepts(doubts), self.accepts(agree)):
                 break
-            pair = self.run_pair(finest_s, times_s) if spend else self.pairs.get(finest_s)
+            agreed = times_s[: self.count_accepted(agree)]
+            pair = self.run_pair(finest_s, agreed) if spend else self.pairs.get(finest_s)
             if pair is None:
                 break
             gap = np.minimum(*(self.meter.distances(run, best, times_s) for run in pair))
@@ -227,7 +227,7 @@ class References:
             return self.pairs[finest_s]
         fourth, low = self.fourth, IMPLICITFAST
         settings = ((fourth, RK4_RATIO * finest_s if fourth is RK4 else finest_s), (low, finest_s))
-        cost_s = sum(map(self.predict_cost, settings))
+        cost_s = sum(self.predict_cost(setting, times_s[-1]) for setting in settings)
         if time.monotonic() + cost_s / min(CORES, 2) > self.until or (cost_s > PAIR_S_MAX and len(self.pairs) > 2):
             return None
         self.progress(f"the reference: {fourth.name} and {low.name} at {1e6 * finest_s:g} us")
@@ -238,26 +238,32 @@ class References:
         self.pairs[finest_s] = high, first_order
         return high, first_order
 
-    def step_pairs(self, times_s: Vector) -> Solution:
+    def step_pairs(self, times_s: Vector, least: int) -> Solution:
         """Returns a run of RK4 at ever smaller timesteps, beside one of a first-order method at half of each.
 
         Ends where the uncertainty is small enough, where no further halving can make it so, or before the budget does.
+        The runs end where the halvings that are left can no longer make it so, but for the `least` first times.
         """
         best: Rollout | None = None
-        doubts = np.full(len(times_s), inf)
+        doubts, hopeful = np.full(len(times_s), inf), len(times_s)
         before: tuple[Rollout, Rollout] | None = None
         for finest_s in REFERENCE_S:
-            pair = self.run_pair(finest_s, times_s)
+            pair = self.run_pair(finest_s, times_s[:hopeful])
             if pair is None:
                 break
             if before is not None and before[0].integrator != pair[0].integrator:
                 before = None
-            now = doubts if before is None else self.compare_pairs(times_s, before, pair)
-            if best is None or now[-1] < doubts[-1] or np.sum(self.accepts(now)) > np.sum(self.accepts(doubts)):
+            now = doubts
+            if before is not None:
+                now = np.append(self.compare_pairs(times_s[:hopeful], before, pair), doubts[hopeful:])
+                now = np.maximum.accumulate(now)
+            better = now[hopeful - 1] < doubts[hopeful - 1]
+            if best is None or better or self.count_accepted(now) > self.count_accepted(doubts):
                 doubts, best = now, pair[0]
             if doubts[-1] <= REFERENCE_SHARE * self.tolerance or self.is_hopeless(now, times_s, finest_s):
                 break
             before = pair
+            hopeful = min(hopeful, max(least, self.count_hopeful(now, times_s, finest_s)))
         if best is None or before is None:
             raise OutOfTime("the budget is too small for a reference solution")
         return Solution(best, f"{self.fourth.name} in small steps", doubts)
@@ -287,9 +293,17 @@ class References:
             )
         return "; ".join(reasons)
 
-    def predict_cost(self, setting: Setting) -> float:
+    def predict_cost(self, setting: Setting, seconds: float) -> float:
         """Returns the expected time [s] of a run on one core."""
-        return self.evaluation_s * setting[0].evaluations * self.meter.seconds / setting[1]
+        return self.evaluation_s * setting[0].evaluations * seconds / setting[1]
+
+    def count_hopeful(self, doubts: Vector, times_s: Vector, finest_s: float) -> int:
+        """Returns up to which time, as a count, halvings may reduce the uncertainty enough: those that are left and one
+        more, as it falls faster at first, and never less than UNTIL_MIN_S."""
+        left = sum(h < finest_s for h in REFERENCE_S)
+        least = doubts / REDUCTION ** (left + 1)
+        lost = np.isfinite(doubts) & ~self.accepts(least) & (times_s > UNTIL_MIN_S)
+        return int(np.argmax(lost)) if lost.any() else len(times_s)
 
     def is_hopeless(self, doubts: Vector, times_s: Vector, finest_s: float) -> bool:
         """Whether the halvings that are left cannot reduce the uncertainty enough, judged from the fourth pair on, and

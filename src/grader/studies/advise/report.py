@@ -21,6 +21,7 @@ from grader.numerics.process import prepare
 from grader.numerics.scene import Scene, Values
 from grader.numerics.stability.equilibrium import find_equilibrium
 from grader.numerics.stability.limit import find_spectral_limit
+from grader.numerics.visuals import compile_untextured
 from grader.studies.advise.meter import Quantity
 from grader.studies.advise.references import Say
 from grader.studies.advise.selection import (
@@ -170,14 +171,10 @@ def advise(
 def build_scene(model: str | Path, start: Start) -> Scene:
     """Compile MJCF text or a file, and set its start. Raises ValueError if it does not compile."""
     prepare()
-    if isinstance(model, str) and "<mujoco" in model:
-        compiled = mujoco.MjModel.from_xml_string(model)
-    else:
-        path = Path(model)
-        if not path.is_file():
-            raise ValueError(f"there is no model {path}")
-        compiled = mujoco.MjModel.from_xml_path(str(path))
-    return start.of(Scene.from_model(compiled))
+    text = isinstance(model, str) and "<mujoco" in model
+    if not text and not Path(model).is_file():
+        raise ValueError(f"there is no model {model}")
+    return start.of(Scene.from_model(compile_untextured(model if text else Path(model))))
 
 
 def compile_quantity(expression: str, scene: Scene) -> Quantity:

@@ -173,10 +173,11 @@ class _Survey:
         own = (BY_CODE[int(model.opt.integrator)], float(model.opt.timestep))
         first = dict.fromkeys([START, QUARTER, own])
         self.progress("the first runs")
-        self.meter.run(START)  # warms caches: the CPU time of the second run is the yardstick
+        Meter(self.meter.scene, SAMPLE_S, None).run(START)  # warms caches: CPU times are yardsticks
         runs = dict(zip(first, self.pool.map(self.meter.run, first), strict=True))
         start = runs[START]
-        self.evaluation_s = start.cpu * START[1] / START[0].evaluations
+        # The least, as what disturbs a run only adds to its time.
+        self.evaluation_s = min(run.cpu * h / method.evaluations for (method, h), run in runs.items())
         moved = self.meter.excursion(start.rollout)
         if moved <= self.tolerance:
             raise QuantityStill(
@@ -197,10 +198,10 @@ class _Survey:
         reason = ""
         if not search.accepts(self.doubt):
             reason = search.explain(found, times)
-            until_s = self.shorten(times, found.doubts, search.accepts(found.doubts), own)
+            until_s = self.shorten(times, found.doubts, search.accepts(found.doubts), start, own)
             if until_s is None:
                 return _cannot_tell(reason, self.doubt)
-            runs = dict(zip(first, self.pool.map(self.meter.run, first), strict=True))
+            runs = {setting: self.meter.cut(run) for setting, run in runs.items()}
             reason = _describe_limit(reason, told, until_s)
         self.take(runs, found.states)
         self.refine(found.states)
@@ -210,7 +211,9 @@ class _Survey:
             tolerance=self.tolerance, until_s=until_s,
         )  # fmt: skip
 
-    def shorten(self, times: Vector, doubts: Vector, accepted: NDArray[np.bool_], own: Setting) -> float | None:
+    def shorten(
+        self, times: Vector, doubts: Vector, accepted: NDArray[np.bool_], start: Run, own: Setting
+    ) -> float | None:  # fmt: skip
         """Measure only as long as the reference is certain enough [s]; None where nothing can be told of that time."""
         if not accepted.any():
             return None
@@ -218,7 +221,7 @@ class _Survey:
         if seconds < max(UNTIL_MIN_S, 2 * own[1]):
             return None
         shorter = Meter(self.meter.scene, seconds, self.meter.quantity)
-        if shorter.excursion(shorter.run(START).rollout) <= self.tolerance:
+        if shorter.excursion(shorter.cut(start).rollout) <= self.tolerance:
             return None
         self.meter, self.doubt = shorter, float(doubts[times <= seconds + 1e-9][-1])
         return seconds

@@ -120,7 +120,7 @@ def solve_pair(
     """Returns the solutions at both tolerances; None where one gets stuck."""
     found = list[States]()
     for rtol in rtols:
-        found.append(solve_adaptively(scene, times, method, rtol=rtol))
+        found += solve_adaptively(scene, times, method, rtol=rtol)
         if len(found[-1].time) < len(times):
             return None
     return found[0], found[1]

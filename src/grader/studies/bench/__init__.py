@@ -9,7 +9,8 @@ from grader.errors import Unprocessable
 
 PHYSICS = ("precision", "stability", "regions", "energy", "adaptive", "skip", "models", "batches")
 ERRORS = ("impacts", "quantities")
-ROOMS = dict.fromkeys(PHYSICS, "physics") | dict.fromkeys(ERRORS, "errors") | {"service": "service"}
+SERVICE = ("service", "script", "deadline")
+ROOMS = dict.fromkeys(PHYSICS, "physics") | dict.fromkeys(ERRORS, "errors") | dict.fromkeys(SERVICE, "service")
 STUDIES = (*ROOMS,)
 """Each study's name, and the folder of its module."""
 

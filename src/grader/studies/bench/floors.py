@@ -30,11 +30,12 @@ from grader.studies.bench.physics.loops import (
     warm_up,
     write_stiff_servo,
 )
-from grader.studies.bench.physics.models import load_model_scene, measure_overhead
+from grader.studies.bench.physics.models import load_model_scene, measure_overhead, measure_recording
 from grader.studies.bench.physics.peers import find_peers
 from grader.studies.bench.physics.precision import END_TIMES_S, Stepping
 from grader.studies.bench.physics.skip import Run
 from grader.studies.bench.scenes import load_scene
+from grader.studies.bench.service.script import compare_with_bare
 from grader.studies.bench.timing import TimeRatio, measure_pairs, restore_timer
 
 TURNS = 3
@@ -91,9 +92,21 @@ def measure_bisection() -> TimeRatio:
     return ratio(bisect_as_lesson, certified)
 
 
+def measure_model_recording(name: str) -> TimeRatio:
+    """Measures mujoco.rollout, over our runs that keep every step."""
+    return measure_recording(load_model_scene(name), 0.4)
+
+
 TWO_THIRDS = "two thirds of docs/measured.md"
 TWO = "double_pendulum"
 COURSE = [(name, integrator) for name in SCENES for integrator in ("Euler", "RK4")]
+
+SCRIPTS = [
+    ("servo-threshold", "whole_runs_in_one_call", "child", 0.4, "0.53 measured, 0.43 before models came compiled"),
+    ("servo-threshold", "whole_runs_in_one_call", "judge", 0.75, "1.2 measured, 0.84 before workspaces were shared"),
+    ("rk4-step", "classical", "child", 0.48, "0.65 measured, 0.51 with a force of more calls"),
+]
+"""A right answer, what of its grading is measured beside its bare function, and the floor."""
 
 # To add a floor, add a line. Floors are about two thirds of what a quiet machine measures: only a real loss is below.
 FLOORS = [
@@ -117,7 +130,15 @@ FLOORS = [
         0.22,
         "0.31 measured; 0.15 with 12 us beside the steps",
     ),
+    *(
+        Floor(f"mujoco.rollout, {n}", partial(measure_model_recording, n), 0.75, "0.95 to 1.6; 0.2 step by step")
+        for n in ("pendulum_servo (course)", "cube")
+    ),
     Floor("bisection to certificate", measure_bisection, 20, "100 when quiet"),
+    *(
+        Floor(f"script, {part}, {program[:14]}", partial(compare_with_bare, exercise, program, part), least, why)
+        for exercise, program, part, least, why in SCRIPTS
+    ),
 ]
 
 

@@ -12,8 +12,10 @@ from unittest.mock import patch
 import mujoco
 import numpy as np
 from matplotlib.figure import Figure
+from mujoco.rollout import rollout as roll_out
 
 from grader.numerics.integrators import BY_NAME
+from grader.numerics.recording import PHYSICS
 from grader.numerics.rollout import Rollout, simulate
 from grader.numerics.scene import FULL_STATE, Scene
 from grader.numerics.stepping import CHUNK, GROWTH, STEPS_MAX
@@ -28,6 +30,9 @@ OURS = ("cube", "pile")
 STEPS = 600
 CALLS = 2
 """Calls into C of a run of STEPS steps: CHUNK and the rest."""
+
+RECORDED = 8
+"""Runs that are recorded together."""
 
 BUDGET_S = {True: 0.05, False: 0.3}
 """CPU time of a comparison [s], by whether the run is quick."""
@@ -84,6 +89,25 @@ def measure_nstep(scene: Scene, budget_s: float) -> TimeRatio:
     return measure_pairs(loop, lambda: run_scene(scene, skip=True), budget_s)
 
 
+def measure_recording(scene: Scene, budget_s: float) -> TimeRatio:
+    """CPU time of RECORDED runs that mujoco.rollout records in one call, over that of as many of ours that keep every
+    step. All run in the calling thread, from the same start."""
+    states = np.empty((RECORDED, STEPS, mujoco.mj_stateSize(scene.model, PHYSICS)))
+    with scene.borrow(keep=False) as workspace:
+        model, data = workspace.model, workspace.data
+        start = np.empty(states.shape[2])
+        mujoco.mj_getState(model, data, start, PHYSICS)
+
+    def batch() -> None:
+        roll_out(model, data, np.tile(start, (RECORDED, 1)), nstep=STEPS, state=states)
+
+    def ours() -> None:
+        for _ in range(RECORDED):
+            simulate(scene, steps=STEPS)
+
+    return measure_pairs(batch, ours, budget_s)
+
+
 def measure_overhead(scene: Scene, budget_s: float) -> TimeRatio:
     """CPU time of a reset to the start over that of a run whose steps do nothing but advance the clock. Both call that
     step as often. The difference of the times is what a run costs beside its steps and the reset."""
@@ -111,7 +135,7 @@ class Model(Measurement):
     model: str
 
     def measure(self, quick: bool, done: Records) -> Record:
-        """What is needed, whether the bits stay, and the times of skipping, of an nstep loop and beside the steps."""
+        """What is needed, whether the bits stay, and the times of skipping, of loops in C and beside the steps."""
         scene, budget_s = load_model_scene(self.model), BUDGET_S[quick]
         skipping = measure_pairs(lambda: run_scene(scene, skip=False), lambda: run_scene(scene, skip=True), budget_s)
         fixed = measure_overhead(scene, budget_s)
@@ -122,6 +146,7 @@ class Model(Measurement):
             "diverged_at_step": run_scene(scene, skip=True).diverged_at_step,
             "skipping": asdict(skipping),
             "nstep": asdict(measure_nstep(scene, budget_s)),
+            "recording": asdict(measure_recording(scene, budget_s)),
             "fixed_us": 1e6 * (fixed.yardstick_s - fixed.seconds),
             "reset_us": 1e6 * fixed.seconds,
         }
@@ -148,9 +173,8 @@ def summarise(records: Records) -> Record:
 
 def summarise_model(record: Record) -> Record:
     """Returns the record, of its times only ratios and their confidence intervals."""
-    apart = {
-        name: {"ratio": record[name]["ratio"], "interval": record[name]["interval"]} for name in ("skipping", "nstep")
-    }
+    ratios = ("skipping", "nstep", "recording")
+    apart = {name: {"ratio": record[name]["ratio"], "interval": record[name]["interval"]} for name in ratios}
     kept = ("degrees", "needed", "bitwise", "diverged_at_step", "fixed_us", "reset_us")
     return {name: record[name] for name in kept} | apart
 

@@ -134,6 +134,14 @@ def plain_nstep(results: Results) -> str:
 
 
 @claim
+def recording(results: Results) -> str:
+    """Returns the cost of mujoco.rollout in our runs that keep every step."""
+    ratios = [one["recording"]["ratio"] for one in results["models"]["models"].values()]
+    demand(min(ratios) > 0.75, f"mujoco.rollout takes {min(ratios)} times the time of ours")
+    return f"Where every step is kept, `mujoco.rollout` takes {span(ratios, '.2f')} times the CPU time of our run"
+
+
+@claim
 def newer(results: Results) -> str:
     """Returns what MuJoCo 4.0.0 changes."""
     found = results["versions"]

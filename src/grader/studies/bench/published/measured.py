@@ -2,9 +2,9 @@
 
 `<!-- measured:begin NAME -->` ... `<!-- measured:end NAME -->` in a page is filled with the block NAME, and
 `<!--=NAME-->` ... `<!--=-->` in a sentence with the claim NAME.
-`python -m grader.studies.bench.published.measured docs docs/measured.md` measures, resuming where it was stopped, and
-rewrites the page; with `--tables-only` it renders the committed JSON again. It lists the sentences that the results
-deny, which stay as they were, and exits 1 where there are any.
+`python -m grader.studies.bench.published.measured docs docs/measured.md docs/deploy.md` measures, resuming where it was
+stopped, and rewrites the pages; with `--tables-only` it renders the committed JSON again. It lists the sentences that
+the results deny, which stay as they were, and exits 1 where there are any.
 """
 
 import json
@@ -20,6 +20,7 @@ import typer
 from grader.numerics.version import INSTALLED
 from grader.studies.bench import run
 from grader.studies.bench.physics import versions
+from grader.studies.bench.published import deadline_tables as _deadline_tables
 from grader.studies.bench.published import error_tables as _error_tables
 from grader.studies.bench.published import mjx_tables as _mjx_tables
 from grader.studies.bench.published.claims import CLAIMS, Denied, Results
@@ -27,11 +28,11 @@ from grader.studies.bench.published.interactive import render_page
 from grader.studies.bench.published.other import OTHER, REPEATED, describe_other
 from grader.studies.bench.published.tables import BLOCKS
 
-__all__ = ["_error_tables", "_mjx_tables"]
+__all__ = ["_deadline_tables", "_error_tables", "_mjx_tables"]
 
 STUDIES = (
     *("precision", "quantities", "impacts", "stability", "regions", "energy", "adaptive", "skip", "models"),
-    *("batches", "service"),
+    *("batches", "service", "script", "deadline"),
 )
 """The studies whose results are committed."""
 

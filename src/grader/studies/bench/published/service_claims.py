@@ -64,6 +64,33 @@ def late_answers(results: Results) -> str:
 
 
 @claim
+def script_effort(results: Results) -> str:
+    """How much was measured, and how busy the machine was meanwhile."""
+    rows = results["script"]["scripts"]
+    count, load = (span([row[name] for row in rows], ".0f") for name in ("scripts", "load_average"))
+    return f"in turn, {count} times, at a load average of {load}"
+
+
+@claim
+def script_costs(results: Results) -> str:
+    """What a script's process and judging cost over the bare function."""
+    rows = results["script"]["scripts"]
+    child, judge = (span([row[f"{part}_ratio"] for row in rows]) for part in ("child", "judge"))
+    return f"takes {child} times the CPU time of the bare function, and judging it {judge} times"
+
+
+@claim
+def script_waits(results: Results) -> str:
+    """How long a learner waits beyond the function's own time, in cold imports."""
+    waits = {
+        name: span([row["wait_in_imports"] for row in results["script"]["scripts"] if row["backend"] == name])
+        for name in DATABASES
+    }
+    shown = " and ".join(f"{waits[name]} on {DATABASES[name]}" for name in DATABASES)
+    return f"waits for 1.5 times the bare function and a part of a cold import: {shown}"
+
+
+@claim
 def second_worker(results: Results) -> str:
     """What a second worker brings, by how long scripts compute."""
     found = {row["script"]: row for row in service_rows(results, "workers") if row["workers"] == 2}

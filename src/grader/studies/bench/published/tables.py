@@ -253,14 +253,15 @@ def pile(results: Results) -> Iterator[tuple[str, ...]]:
 
 @table(
     *("model", "degrees of freedom", "needed, so kept", "skipping", "an `nstep` loop over our run"),
-    *("beside the steps", "MuJoCo's reset", "bitwise equal"),
+    *("`mujoco.rollout` over our recording", "beside the steps", "MuJoCo's reset", "bitwise equal"),
 )
 def models(results: Results) -> Iterator[tuple[str, ...]]:
     """What skipping saves on each model, and what a run costs beside its steps."""
     for name, one in results["models"]["models"].items():
         parts = [part for part in one["needed"] if part not in ("constraints", "islands")]
         fixed = f"{one['fixed_us']:.1f} us", f"{one['reset_us']:.1f} us"
-        cells = (times(one["skipping"]), times(one["nstep"]), *fixed, "yes" if one["bitwise"] else "NO")
+        ratios = (times(one[name]) for name in ("skipping", "nstep", "recording"))
+        cells = (*ratios, *fixed, "yes" if one["bitwise"] else "NO")
         yield describe_scene(name), str(one["degrees"]), ", ".join(parts) or "none", *cells
 
 
@@ -276,6 +277,24 @@ def answers(results: Results) -> Iterator[tuple[str, ...]]:
         ratio = f"x{row['ratio']:.2f} ({row['ratio_least']:.2f} to {row['ratio_most']:.2f})" if "ratio" in row else "-"
         cost = f"{1e3 * row['cpu_s']:.2f} ms ({1e3 * row['cpu_s_least']:.2f} to {1e3 * row['cpu_s_most']:.2f})"
         yield DATABASES[row["backend"]], str(row["students"]), SERVERS[row["server"]], rate, ratio, *waits, cost
+
+
+@table(
+    *("exercise", "right answer", "database", "the bare function", "until the verdict is heard", "a cold import"),
+    *("the script's process", "judging", "the service beside"),
+)
+def scripts(results: Results) -> Iterator[tuple[str, ...]]:
+    """Scripts beside their bare functions: wall times until the verdict, and CPU times by part."""
+    for row in results["script"]["scripts"]:
+        parts = {
+            part: f"{1e3 * row[f'{part}_s']:.0f} ms (x{row[f'{part}_ratio']:.2f})"
+            for part in ("whole", "child", "judge", "service")
+        }
+        times = (f"{1e3 * row[name]:.0f} ms" for name in ("bare_s", "imported_s"))
+        bare, imported = times
+        program = row["program"].replace("_", " ")
+        shown = bare, parts["whole"], imported, parts["child"], parts["judge"], parts["service"]
+        yield row["exercise"], program, DATABASES[row["backend"]], *shown
 
 
 @table("scripts", "workers", "scripts a second", "beside one worker", "busy cores", "CPU time of a script")

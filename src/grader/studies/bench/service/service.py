@@ -108,7 +108,7 @@ class Beside(Measurement):
 
     def measure(self, quick: bool, done: Records) -> Record:
         """Rates, wall times [s] and the CPU times of an answer [s] of each server, and the ratios to the service's."""
-        return compare_with_bare(self.backend, self.students, *((2, 1.0) if quick else (7, 5.0)))
+        return compare_with_bare(self.backend, self.students, *((2, 0.25) if quick else (7, 5.0)))
 
     def rows(self, record: Record) -> list[Record]:
         """Returns one row a server; ratios stand beside the bare route that they are to."""
@@ -131,8 +131,8 @@ class Judging(Measurement):
 
 @dataclass(frozen=True)
 class Overhead(Measurement):
-    """What the jail costs above the script's own time, idle and in bursts. Idle runs take turns with a new interpreter
-    and a single-use bubblewrap cell, so that load on the machine meets all three alike."""
+    """What a script that does nothing takes in the jail, without its own time, idle and in bursts. Idle runs take turns
+    with a new interpreter and a single-use bubblewrap cell, so that load on the machine meets all three alike."""
 
     def measure(self, quick: bool, done: Records) -> Record:
         """Wall times by what was run [s], and the median rate of the bursts [jobs/s]."""

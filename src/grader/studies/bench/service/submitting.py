@@ -1,9 +1,10 @@
 """Students of the real server: its jail and its database, over HTTP, in a process of its own, without rate limits."""
 
 import json
+import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from http.client import HTTPConnection
 from pathlib import Path
@@ -32,9 +33,14 @@ class Client:
     """One student with one connection."""
 
     def __init__(self, port: int, token: str, server: int) -> None:
+        self.port, self.token = port, token
         self.server = server  # its process id
         self.connection = HTTPConnection("127.0.0.1", port, timeout=GRADED_S)
         self.headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
+
+    def open_another(self) -> "Client":
+        """Returns the same student on a connection of its own."""
+        return Client(self.port, self.token, self.server)
 
     def request(self, method: str, path: str, body: Any = None) -> tuple[int, Any]:
         """Status and JSON of a call under /api/v1."""
@@ -85,10 +91,10 @@ def check_ready(port: int) -> None:
     urlopen(f"http://127.0.0.1:{port}/readyz", timeout=5).close()
 
 
-def create_token(folder: str, user: str) -> str:
-    """Returns a student's token."""
-    arguments = [str(GRADER), "token", "create", "--user", user, "--role", "student", "--data", folder]
-    return subprocess.check_output(arguments, text=True).strip()  # noqa: S603  our own command
+def create_token(folder: str, number: int, environment: Mapping[str, str]) -> str:
+    """Returns the token of a student."""
+    arguments = [str(GRADER), "token", "create", "--user", f"student{number}", "--role", "student", "--data", folder]
+    return subprocess.check_output(arguments, text=True, env=os.environ | environment).strip()  # noqa: S603
 
 
 @contextmanager
@@ -100,7 +106,7 @@ def serve_clients(students: int, **environment: str) -> Iterator[list[Client]]:
         start_process(build_serve_arguments(port, folder), port, settings, check_ready) as server,
         ExitStack() as connections,
     ):
-        asking = [Client(port, create_token(folder, f"student{number}"), server) for number in range(students)]
+        asking = [Client(port, create_token(folder, number, environment), server) for number in range(students)]
         for client in asking:
             connections.callback(client.connection.close)
         yield asking

@@ -55,7 +55,7 @@ class Workers(Measurement):
         with ExitStack() as stack:
             busy = {n: stack.enter_context(serve_clients(1, GRADER_WORKERS=str(n)))[0] for n in WORKER_COUNTS}
             for client in busy.values():
-                measure_queue(client, SCRIPT, 8)
+                measure_queue(client, SCRIPT, each if quick else 8)
             bursts = [{n: measure_queue(client, source, each) for n, client in busy.items()} for _ in range(rounds)]
         runs = []
         for n in WORKER_COUNTS:
@@ -106,10 +106,15 @@ def is_grading(pid: int) -> bool:
 
 def read_family_cpu_s(pid: int) -> float:
     """Returns the CPU time of a process and its descendants [s], with those that have ended and were waited for."""
+    return sum(sum(map(int, stat[11:15])) for stat in list_family(pid).values()) / os.sysconf("SC_CLK_TCK")
+
+
+def list_family(pid: int) -> dict[int, list[str]]:
+    """Returns a process and its descendants, as `list_processes` does."""
     stats, family = list_processes(), {pid}
     while more := {child for child, stat in stats.items() if int(stat[1]) in family} - family:
         family |= more
-    return sum(sum(map(int, stats[one][11:15])) for one in family & stats.keys()) / os.sysconf("SC_CLK_TCK")
+    return {one: stats[one] for one in family & stats.keys()}
 
 
 def list_processes() -> dict[int, list[str]]:
