@@ -6,8 +6,12 @@ so on. What cannot be seen in names, such as a server with a worker, is marked w
 
 import gc
 import inspect
+import os
+import shutil
+import sys
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
@@ -34,8 +38,42 @@ LONGEST = (
 """What takes longest comes first, and files of fast tests last: the last file decides when all processes have ended."""
 
 
-# What is imported here stays to the end: to look through all of it for cycles, again and again, takes longer than any.
+# Where compiled modules may not be kept, as in images of Python, each program that a test starts compiles all of ours.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
+# To look for cycles through all that is imported and collected, again and again, takes longer than any test.
 gc.set_threshold(50_000, 20, 20)
+
+
+MEMORY = Path("/dev/shm")
+MEMORY_BYTES_MIN = 4 << 30
+"""Where less is free, as in most containers, the disk is used. pytest keeps the folders of three runs."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Lets all processes of this run share which checks of content have passed; none is left of another run.
+
+    Folders of tests are in memory where there is room: every commit of SQLite waits for a disk, some milliseconds each.
+    """
+    if hasattr(config, "workerinput"):  # a process that inherits it
+        return
+    if os.access(MEMORY, os.W_OK) and shutil.disk_usage(MEMORY).free > MEMORY_BYTES_MIN:
+        os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
+    folder = TemporaryDirectory(prefix="grader-passed-")
+    config.add_cleanup(folder.cleanup)
+    os.environ["GRADER_CACHE"] = folder.name
+    os.environ["GRADER_CONTENT"] = write_first_lesson(Path(folder.name, "content"))
+
+
+def write_first_lesson(folder: Path) -> str:
+    """Makes a content folder of lesson 1.3 alone: pages and commands are tested with one lesson, whatever else the
+    project brings along."""
+    root = Path(HERE).parent
+    shutil.copytree(root / "models", folder / "models")
+    for place in ("quizzes", "reference_solutions"):
+        shutil.copytree(root / place, folder / place, ignore=shutil.ignore_patterns("3.1-*"))
+    return str(folder)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -54,6 +92,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     quick = {path: fast.issuperset(of) for path, of in by_file(items).items()}
     turns = {Path(HERE, name): turn for turn, name in enumerate(LONGEST)}
     items.sort(key=lambda item: (quick[item.path], turns.get(item.path, len(turns))))
+
+
+def pytest_collection_finish() -> None:
+    """What is there by now stays to the end."""
+    gc.collect()
+    gc.freeze()
 
 
 def by_file(items: list[pytest.Item]) -> dict[Path, list[pytest.Item]]:

@@ -74,7 +74,10 @@ def test_a_device_gets_a_token_once_its_owner_has_allowed_it(either_site: Site) 
     assert "Jupyter on ada&#39;s laptop" in shown
     assert codes["user_code"] in shown
     assert codes["device_code"] not in shown
-    assert decide(ada, codes["user_code"]).headers["location"] == "/devices?said=allowed"
+    allowed = decide(ada, codes["user_code"]).headers["location"]
+    assert allowed == "/devices?said=allowed"
+    assert "None yet: the device stands here once it has fetched its access." in ada.get(allowed).text
+    assert "No program has access" in ada.get("/devices").text
     status, token = ask(device, codes)
     assert (status, token["token_type"], token["scope"], token["user"]) == (200, "Bearer", "answer read", "ada")
     assert refusal(device, codes) == "expired_token"
@@ -84,6 +87,9 @@ def test_a_device_gets_a_token_once_its_owner_has_allowed_it(either_site: Site) 
     assert (made.status_code, made.json()["user"]) == (201, "ada")
     assert program.get(f"{API}/submissions/{made.json()['id']}").status_code == 200
     assert program.get(f"{API}/quizzes").status_code == 200
+    me = program.get(f"{API}/me").json()
+    assert (me["user"], me["role"], me["course"]) == ("ada", "student", either_site.course)
+    assert me["scopes"] == ["answer", "read"]
     assert ada.get(f"{API}/submissions/{made.json()['id']}").status_code == 200  # the work is the learner's own
 
 

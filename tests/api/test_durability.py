@@ -14,7 +14,7 @@ from sqlalchemy import func, select
 from grader.store.engine.database import Database
 from grader.store.tables import Submission, VerdictRow
 from support.databases import BACKENDS, database_url
-from support.queue_kills import client_of, process_of, settings_on, wait_until_ready
+from support.queue_kills import client_of, next_server, process_of, settings_on, wait_until_ready
 
 LEARNERS = 4
 RUN_S = 0.5
@@ -55,8 +55,7 @@ def test_a_kill_loses_no_acknowledged_answer_and_doubles_none(backend: str, tmp_
             for thread in threads:
                 thread.join(60)
         assert all(acknowledged)
-        with process_of("serve", settings) as server:
-            wait_until_ready(server, settings)
+        with next_server(settings):
             for number, client in enumerate(clients):
                 for key in sent[number]:
                     made = send(client, key)

@@ -149,6 +149,7 @@ def record_answers(scene: Scene) -> None:
     scene.record(ada, "GET /quizzes/{quiz_id}/questions/{question_id}/kit", **exercise)
     queued = scene.record(ada, "POST /submissions", 202, json=SCRIPT)
     scene.record(ada, "GET /submissions/{submission_id}", submission_id=answered["id"])
+    scene.record(ada, "GET /submissions/{submission_id}/films", submission_id=answered["id"])
     scene.record(ada, "POST /submissions/{submission_id}:stop", submission_id=queued["id"])
     scene.record(ada, "GET /submissions/{submission_id}/events", submission_id=queued["id"])
     ada.post(f"{API}/submissions", json={"quiz": "small", "question": "q3", "answer": 1}).raise_for_status()
@@ -220,7 +221,12 @@ def record_people(scene: Scene) -> None:
     extension = {"user": "ada", "due": DUE, "attempts": 1}
     scene.record(tina, "PUT /quizzes/{quiz_id}/extensions", quiz_id="homework", json=extension)
     scene.record(tina, "GET /quizzes/{quiz_id}/extensions", quiz_id="homework")
+    scene.record(tina, "GET /me")
     scene.record(tina, "GET /audit")
+    rules = {"due": "2099-10-26T09:30:00Z", "attempts": 3}
+    any_version = {"If-Match": "*"}
+    scene.record(tina, "PUT /quizzes/{quiz_id}/policy", quiz_id="homework", json=rules, headers=any_version)
+    scene.record(tina, "GET /quizzes/{quiz_id}/policy", quiz_id="homework")
 
 
 def record_webhooks(scene: Scene) -> None:

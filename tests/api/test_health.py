@@ -24,7 +24,7 @@ from grader.service import opening
 from grader.service.worker import build_graders
 from grader.settings import Settings
 from grader.store.engine.database import Database
-from grader.store.tables import new_id
+from grader.store.engine.ids import new_id
 from support.databases import BACKENDS, database_url
 from support.sites import Site
 

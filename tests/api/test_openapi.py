@@ -95,18 +95,18 @@ def test_every_route_of_the_api_may_refuse_and_be_away(document: dict[str, Any])
 
 OPERATIONS = """
 quizzes: list_quizzes show_quiz reload_content download_kit
-submissions: create_submission list_submissions show_submission stop_submission validate_answer follow_events
+submissions: create_submission list_submissions show_films show_submission stop_submission validate_answer follow_events
     create_submission_on_behalf show_submission_on_behalf
 labs: run_lab
 devices: begin_device get_device_token
 reviews: list_reviews list_disagreements claim_review prolong_claim release_claim recompute_reviews show_review
     put_review put_second_mark list_comments save_comment change_comment delete_comment
-dates: list_extensions put_extension publish_feedback withhold_feedback recount_results
+dates: list_extensions put_extension publish_feedback withhold_feedback recount_results show_policy put_policy
 regrades: create_regrade list_regrades show_regrade cancel_regrade
 results: list_results export_gradebook show_statistics
 people: list_members change_member remove_member list_invitations create_invitations revoke_invitation list_tokens
     create_token revoke_token show_course rotate_course_link close_course_link list_audit_entries import_roster
-    export_roster export_oneroster
+    export_roster export_oneroster show_caller
 courses: list_courses make_course
 platforms: list_platforms add_platform approve_platform remove_platform make_registration_link list_contexts
     link_context unlink_context pull_roster

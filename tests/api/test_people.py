@@ -362,6 +362,16 @@ def test_links_and_tokens_from_the_command_line(tmp_path: Path) -> None:
     assert "No server" not in invited.stderr
 
 
+def test_a_public_server_prints_no_sign_in_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its output is a log, which more people read than may sign in as the instructor."""
+    tell_addresses(Settings(data=tmp_path, public_origin="https://grader.example"), {})
+    public = capsys.readouterr().out
+    assert "code=" not in public
+    assert 'https://grader.example/instructor  (to sign in: grader invite --role instructor "YOUR NAME")' in public
+    tell_addresses(Settings(data=tmp_path), {})
+    assert "/signin?code=gri_" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("text", ["", "d", "0d", "-1d", "1.5d", "30", "30m", "9" * 30 + "d", "²d"])
 def test_what_is_no_lifetime(text: str) -> None:
     from grader.commands.tokens import parse_lifetime

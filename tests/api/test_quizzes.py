@@ -164,16 +164,6 @@ def test_the_server_as_a_program(content: Path, tmp_path: Path) -> None:
     assert token.split("_")[2] not in told
 
 
-def test_a_server_that_cannot_have_its_port_says_so(content: Path, tmp_path: Path, site: Any) -> None:
-    port = site.origin.rpartition(":")[2]
-    environment = {**os.environ, "GRADER_CONTENT": str(content), "GRADER_WORKERS": "0"}
-    command = [str(Path(sys.executable).parent / "grader"), "serve", "--port", port, "--data", str(tmp_path / "data")]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
-    assert done.returncode == 3
-    assert "address already in use" in done.stderr
-    assert "signin" not in done.stdout
-
-
 def test_a_server_that_refuses_its_content_leaves_nothing_behind(content: Path, tmp_path: Path) -> None:
     """Its grading processes have begun before the content is read."""
     (content / "quizzes" / "small.json").write_text("{")

@@ -171,7 +171,7 @@ def test_the_pages_try_out_apply_and_cancel_without_a_script(site: Site, content
     tried = browser.get(str(shown.url)).text
     assert 'http-equiv="refresh"' not in tried
     assert re.search(r"ann.*incorrect 0 → correct 1.*changed.*\+1", tried, re.DOTALL)
-    assert "Points rise for 3 and fall for 2." in tried
+    assert "Points would change for 5 learners: 3 up, 2 down" in tried
     assert re.search("ann.*Bob.*Cem.*dee.*zoe", tried, re.DOTALL)
     assert teacher.get(f"{API}/submissions/{made}").json()["revision"] == 1
     applied = browser.post(f"{shown.url}/apply")

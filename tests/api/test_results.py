@@ -207,7 +207,7 @@ def test_an_extension_adds_attempts(exam: Callable[..., Site]) -> None:
     site = exam(attempts=1)
     ann, tina = site.client("ann"), site.client("tina", "instructor")
     assert [hand_in(ann, "q1", answer).status_code for answer in (0, 1)] == [201, 409]
-    assert question_of(ann, "q1")["notice"] == "All 1 attempts at this question are used up."
+    assert question_of(ann, "q1")["notice"] == "The only attempt at this question is used up."
     tina.put(f"{API}/quizzes/small/extensions", json={"user": "ann", "attempts": 1})
     assert question_of(ann, "q1")["notice"] == "1 of 2 attempts left; the best one counts."
     assert [hand_in(ann, "q1", answer).status_code for answer in (1, 1)] == [201, 409]

@@ -136,7 +136,7 @@ def test_none_of_them_is_right_where_none_is() -> None:
 @pytest.mark.slow
 def test_an_expression_decides_between_the_settings_of_a_select() -> None:
     options = ["gentle", "<b>firm</b>", "hard"]
-    over = {"by": "options", "criterion": "data.qpos[0] > Math.PI", "when": "ever"}
+    over = {"by": "options", "criterion": "data.qpos[0] > Math.PI", "when": "ever", "seconds": 2}
     certificate = certify(predict(options, 2, PUSHED, over))
     assert certificate.ok
     assert not certify(predict(options, 1, PUSHED, over)).ok
@@ -496,7 +496,7 @@ def ten_questions() -> list[Question]:
             ["gentle", "firm", "hard"],
             2,
             PUSHED,
-            {"by": "options", "criterion": "data.qpos[0] > Math.PI", "when": "ever"},
+            {"by": "options", "criterion": "data.qpos[0] > Math.PI", "when": "ever", "seconds": 2},
         ),
         predict(
             ["it reverses", "it does not"],

@@ -31,7 +31,7 @@ def library() -> Library:
 def job(library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """A job of the worker that only imports its script."""
     monkeypatch.syspath_prepend(tmp_path)
-    kit = unpack_kit(build_kit(library, "1.3-exercises", "servo-threshold"), tmp_path / "kit")
+    kit = unpack_kit(build_kit(library, "1.3-exercises", "servo-threshold", judged=True), tmp_path / "kit")
     trials = [{**trial, "index": index, "problem": None} for index, trial in enumerate(kit.exercise["trials"])]
     shared = {"without_integrators": False, "reveal": "size", "folder": str(kit.folder), "file": kit.script}
     return {**shared, "kind": "of_a_plugin", "trials": trials[:1]}
@@ -112,7 +112,7 @@ def largest_stable_timestep(model, integrator):
 @pytest.fixture
 def kit(library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Kit:
     monkeypatch.setenv("MJGRADER_CONFIG", str(tmp_path / "config"))
-    return unpack_kit(build_kit(library, "1.3-exercises", "servo-threshold"), tmp_path / "kit")
+    return unpack_kit(build_kit(library, "1.3-exercises", "servo-threshold", judged=True), tmp_path / "kit")
 
 
 def test_what_is_missing_in_one_case_holds_an_answer_back_and_another_error_does_not(kit: Kit) -> None:
@@ -166,7 +166,7 @@ def test_values_are_compared_here_only_where_the_author_reveals_them(
     quiz = json.loads(path.read_text())
     quiz["questions"] = [{**quiz["questions"][0], **({"reveal": reveal} if reveal else {})}]
     path.write_text(json.dumps(quiz))
-    kit = unpack_kit(build_kit(load(content), "motion", "rotor-acceleration"), tmp_path / "kit")
+    kit = unpack_kit(build_kit(load(content), "motion", "rotor-acceleration", judged=True), tmp_path / "kit")
     source = (VALUES / f"reference_solutions/motion/rotor-acceleration/{solution}.py").read_text()
     trials = [{**trial, "index": index, "hidden": False} for index, trial in enumerate(kit.exercise["trials"])]
     names = ("kind", "without_integrators", "reveal")
@@ -179,7 +179,7 @@ def test_values_are_compared_here_only_where_the_author_reveals_them(
 
 def test_a_kit_is_found_by_its_name_or_its_function_and_a_script_stays(library: Library, tmp_path: Path) -> None:
     for name in ("servo-threshold", "rk4-step", "rk4-free-joint"):
-        unpack_kit(build_kit(library, "1.3-exercises", name), tmp_path / name)
+        unpack_kit(build_kit(library, "1.3-exercises", name, judged=True), tmp_path / name)
     assert find_kit(tmp_path, "rk4-step").name == "rk4-step"
     assert find_kit(tmp_path, None, "largest_stable_timestep").name == "servo-threshold"
     with pytest.raises(Sentence, match=r"rk4-free-joint, rk4-step.*question="):
@@ -189,7 +189,7 @@ def test_a_kit_is_found_by_its_name_or_its_function_and_a_script_stays(library: 
     script = tmp_path / "rk4-step" / "rk4_step.py"
     script.write_text("mine")
     (tmp_path / "rk4-step" / "mjcourse.py").write_text("damaged")
-    unpack_kit(build_kit(library, "1.3-exercises", "rk4-step"), tmp_path / "rk4-step")
+    unpack_kit(build_kit(library, "1.3-exercises", "rk4-step", judged=True), tmp_path / "rk4-step")
     assert script.read_text() == "mine"
     assert "model_path" in (tmp_path / "rk4-step" / "mjcourse.py").read_text()
 

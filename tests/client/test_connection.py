@@ -16,6 +16,7 @@ from mjgrader.command import write_commands
 from mjgrader.connection import Connection
 from mjgrader.errors import Offline, Refusal, Sentence, SignInAgain
 from mjgrader.session import Session
+from mjgrader.showing import Answer
 
 SITE = "https://grader.example.edu"
 TOKEN = "grt_0123456789abcdef_very-secret-part-of-it"
@@ -157,6 +158,48 @@ def test_a_sign_in_says_as_whom_and_names_the_exercises(slept: list[float]) -> N
         session.result("rk4-step")
 
 
+@pytest.mark.parametrize(("status", "whom"), [(200, " as ada"), (404, "")])
+def test_a_token_that_was_typed_says_whose_it_is(status: int, whom: str) -> None:
+    def answer(request: httpx.Request) -> httpx.Response:
+        if request.url.path.endswith("/me"):  # which older servers have not
+            return httpx.Response(status, json={"user": "ada", "course": "robots", "detail": "No."}, headers=PROBLEM)
+        return httpx.Response(200, json={"items": []})
+
+    said: list[str] = []
+    Session(said.append, httpx.MockTransport(answer)).sign_in(SITE, TOKEN)
+    assert said[-1].startswith(f"Signed in{whom} at {SITE}: 0 quizzes")
+    assert load_account().user == ("ada" if whom else None)
+
+
+def test_waiting_that_is_stopped_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(_seconds: float) -> None:
+        raise KeyboardInterrupt
+
+    waiting = {"id": "s1", "quiz": "q", "question": "rk4-step", "status": "running", "attempt": 1, "verdict": None}
+    verdict = {"status": "correct", "points": 1.0, "max_points": 1.0, "findings": [], "evidence": {}}
+    stored = {"s1": {**waiting, "status": "graded", "verdict": verdict}, "q": {"questions": []}}
+    server = httpx.MockTransport(lambda request: httpx.Response(200, json=stored[request.url.path.rpartition("/")[2]]))
+    said: list[str] = []
+    session = Session(said.append, server, Account(SITE, TOKEN))
+    session.last = Answer(waiting, SITE)
+    with monkeypatch.context() as patched:
+        patched.setattr(time, "sleep", stop)
+        assert session.wait(session.last).status == "running"
+    assert said[-1].startswith("Stopped waiting. It is handed in, and graded all the same: g.result()")
+    assert session.result().status == "correct"
+
+
+def test_sending_that_is_stopped_keeps_the_answer_under_its_key() -> None:
+    def stop(_request: httpx.Request) -> httpx.Response:
+        raise KeyboardInterrupt
+
+    connection = connect(stop)
+    waiting = outbox.keep(connection, "q", "rk4-step", "x = 1")
+    with pytest.raises(Offline, match=r"Stopped while your answer to rk4-step was sent.*g\.sync\(\) sends it"):
+        outbox.deliver(connection, waiting)
+    assert outbox.keep(connection, "q", "rk4-step", "x = 1").key == waiting.key
+
+
 def test_a_sign_in_that_is_stopped_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(seconds: float) -> None:
         raise KeyboardInterrupt
@@ -208,7 +251,7 @@ def device_server(*answers: tuple[int, Any]) -> tuple[Handler, list[httpx.Reques
 
 
 def test_a_code_is_confirmed_in_the_browser(slept: list[float]) -> None:
-    made = {"access_token": TOKEN, "expires_in": 2592000, "scope": "answer read", "course": "robots"}
+    made = {"access_token": TOKEN, "expires_in": 2592000, "scope": "answer read", "course": "robots", "user": "ada"}
     pending = (400, {"error": "authorization_pending"})
     answer, asked = device_server(pending, (400, {"error": "slow_down"}), pending, (200, made))
     said: list[str] = []

@@ -44,7 +44,7 @@ def test_a_verdict_as_text_has_diagnosis_cases_and_attempts() -> None:
     assert text.startswith("partial: 1 of 3 points\nYou forgot kv.\n")
     assert "wrong  visible: Too low." in text
     assert "right  hidden case 1\n" in text
-    assert "1 attempts are left." in text
+    assert "1 attempt is left." in text
 
 
 def test_cases_under_several_integrators_are_a_matrix() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import socket
 import subprocess
 import sys
 from datetime import UTC, datetime
@@ -297,3 +298,19 @@ def test_import_writes_what_is_sound_and_lists_the_faults_of_the_rest(tmp_path: 
     assert done.returncode == 2
     assert [path.name for path in (tmp_path / "quizzes").iterdir()] == ["7-check.json"]
     assert "7: line 4: seconds: must be a valid number, not '3'" in done.stdout + done.stderr
+
+
+def test_a_port_in_use_is_one_line() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        done = grader("serve", "--port", str(port))
+    assert (done.returncode, done.stdout) == (3, "")
+    assert done.stderr == (
+        f"Port {port} of 127.0.0.1 cannot be opened (Address already in use): choose another with --port.\n"
+    )
+
+
+def test_a_content_folder_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    done = grader("grade", "1.3-check", "q1", "1", content=tmp_path / "nowhere")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "quizzes: *.json: there is no folder nowhere (GRADER_CONTENT names it)\n"

@@ -42,8 +42,9 @@ from grader.store import extensions, results, submissions
 from grader.store import regrades as stored
 from grader.store.contents import EVERY, ContentFile
 from grader.store.engine.database import Database
+from grader.store.engine.ids import new_id
 from grader.store.results import LearnerAt
-from grader.store.tables import ResultRevision, Submission, VerdictRow, new_id
+from grader.store.tables import ResultRevision, Submission, VerdictRow
 from support.databases import BACKENDS, database_url, open_database
 
 pytestmark = pytest.mark.slow
@@ -582,7 +583,7 @@ class Term(RuleBasedStateMachine):
         key = LearnerAt(self.course.name, learner, "quiz", "number")
         with self.course.database.read() as session:
             attempts = [counting.make_attempt(row) for row in results.attempts_of(session, key)]
-        found = counted(attempts, self.course.content.library.quiz("quiz").policy, None)
+        found = counted(attempts, self.course.content.library.quiz("quiz").default_policy, None)
         assert self.course.points(learner) == (found.points if attempts else None)
 
     @invariant()

@@ -23,11 +23,12 @@ from grader.domain.policy import Extension
 from grader.domain.verdict import Status, Verdict
 from grader.library import Library, load
 from grader.store import extensions, intake, results, submissions
-from grader.store.engine.bulk import insert_rows
+from grader.store.engine.bulk import insert_rows, values_of
 from grader.store.engine.database import Database
+from grader.store.engine.ids import new_id
 from grader.store.intake import AnswerKeys, QuestionState
 from grader.store.results import LearnerAt
-from grader.store.tables import Member, Result, ResultRevision, Submission, new_id, now, values_of
+from grader.store.tables import Member, Result, ResultRevision, Submission, now
 from support.databases import BACKENDS, open_database
 
 DUE = datetime(2026, 3, 10, 18, tzinfo=UTC)
@@ -273,7 +274,7 @@ class Learning(RuleBasedStateMachine):
     @invariant()
     def the_result_is_what_the_policy_counts(self) -> None:
         attempts = sorted(self.attempts, key=lambda one: one.id)
-        expected = counted(attempts, self.library.quiz(self.key.quiz).policy, self.extension)
+        expected = counted(attempts, self.library.quiz(self.key.quiz).default_policy, self.extension)
         result = the_result(self.database, self.key)
         if result is None:
             assert expected.sources == ()

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grader.courses.rules import statistics
-from grader.courses.rules.statistics import QuestionStatistics, Row, clusters_of, mean_share, tallies_of
+from grader.courses.rules.statistics import QuestionStatistics, Row, clusters_of, group_crash, mean_share, tallies_of
 from grader.domain.verdict import Status
 
 shares = st.lists(st.integers(0, 3).map(lambda n: n / 3), min_size=1, max_size=40)
@@ -205,3 +205,19 @@ def test_every_part_of_an_answer_is_counted() -> None:
     assert [(one.number, one.value, one.learners) for one in typed.clusters] == [(0, 5.0, 2), (1, 7.125, 2)]
     assert ticked.clusters == ()
     assert typed.options == {}
+
+
+@pytest.mark.parametrize(
+    ("diagnosis", "told"),
+    [
+        ("ZeroDivisionError: division by zero, in line 2 of your script.", "Ended with an error: ZeroDivisionError"),
+        ("hidden case 1: IndexError, in line 8 of your script.", "Ended with an error: IndexError"),
+        ("kp = 2000, kv = 5, Euler: TypeError: f() takes (a).", "Ended with an error: TypeError"),
+        ("Rename a to b: the grader calls b.", "Rename a to b: the grader calls b."),
+        ("The error is too large: RK4 has order 4.", "The error is too large: RK4 has order 4."),
+        ("Line 3 raised a ValueError (no), and the `except` in line 4 hid it.",
+         "Line 3 raised a ValueError (no), and the `except` in line 4 hid it."),
+    ],
+)  # fmt: skip
+def test_crashes_are_counted_by_the_name_of_their_exception(diagnosis: str, told: str) -> None:
+    assert group_crash(diagnosis) == told

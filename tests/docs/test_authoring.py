@@ -15,6 +15,7 @@ from grader.domain.run import Limits
 from grader.domain.verdict import Status
 from grader.domain.verify import Claim, ServoJoint, Verify
 from grader.exercises import Case, Number, load_kinds
+from grader.exercises.kinds.controller import parameters as controller
 from grader.exercises.kinds.rk4.parameters import OrderCheck, Rk4Case, Rk4Parameters, Start
 from grader.exercises.kinds.threshold.parameters import ThresholdParameters
 from grader.exercises.kinds.values import parameters as values
@@ -38,6 +39,8 @@ LABS: list[type[BaseModel]] = [lab.SimLab, lab.IntegratorsLab, lab.Slider, lab.S
 CHECKS: list[type[BaseModel]] = [ThresholdParameters, Rk4Parameters, Rk4Case, OrderCheck, Start, Number, Case]
 CHECKS += [values.ValuesParameters, values.ValuesCase, values.Function, values.Result, values.Residual, values.Start]
 CHECKS += [values.Array, values.Integer, values.WrongProgram]
+CHECKS += [controller.ControllerParameters, controller.ControllerCase, controller.Goal]
+CHECKS += [controller.TargetStep, controller.Load]
 RULES: list[type[BaseModel]] = [Policy, Late, RubricItem, SecondMarking]
 PARTS: list[type[BaseModel]] = [
     *WAYS,
@@ -60,7 +63,12 @@ def test_every_key_is_named(part: type[BaseModel]) -> None:
 
 
 def test_every_rule_of_a_quiz_is_named() -> None:
-    assert set(Quiz.model_fields) - {"id", "title", "questions", "labs"} <= NAMED
+    assert {field.alias or name for name, field in Quiz.model_fields.items()} - {
+        "id",
+        "title",
+        "questions",
+        "labs",
+    } <= NAMED
 
 
 @pytest.mark.parametrize("key", ["counts", "feedback", "solutions"])
@@ -89,7 +97,7 @@ def test_the_content_folder_of_the_page_loads_and_its_keys_are_certified(tmp_pat
         (tmp_path / name).write_text(text, encoding="utf-8")
     library = load(tmp_path)
     assert library.warnings == ()
-    assert library.quiz("2-graded").policy.late is not None
+    assert library.quiz("2-graded").default_policy.late is not None
     assert Pipeline(library).grade("2.1-check", "q1", "2.006 s").status is Status.CORRECT
     questions = [question for quiz in library.quizzes.values() for question in quiz.questions]
     assert {question.kind for question in questions} >= {*OURS} - {"debug"}

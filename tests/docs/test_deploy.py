@@ -80,7 +80,7 @@ def test_systemd_reads_the_units(unit: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("unit", ["grader.service", "grader-worker@.service"])
 def test_a_unit_starts_without_settings(unit: str) -> None:
-    """The page starts the service before it speaks of settings; without `-` systemd refuses a file that is missing."""
+    """Settings are optional; without `-` systemd refuses a file that is missing."""
     assert re.findall("^EnvironmentFile=(.)", (DEPLOY / unit).read_text(), re.M) == ["-"]
 
 
@@ -340,7 +340,7 @@ def as_written(commands: str, folder: Path, **environment: str) -> None:
     programs = folder / "bin"
     programs.mkdir(exist_ok=True)
     call = shlex.join(grader())
-    for name, body in (("grader", f'exec {call} "$@"'), ("systemctl", "exit 0")):
+    for name, body in (("grader", f'exec {call} "$@"'), ("as_postgres", 'exec "$@"'), ("systemctl", "exit 0")):
         (programs / name).write_text(f"#!/bin/sh\n{body}\n")
         (programs / name).chmod(0o755)
     for old, new in {
@@ -402,7 +402,7 @@ def test_a_postgresql_backup_made_under_load_restores_to_the_same_gradebook(tmp_
     settings = Settings(content=write_content(tmp_path / "content"), database_url=url, workers=0)
     server.execute(f"CREATE DATABASE {name}")
     restore = block("pg_restore").replace("--dbname=grader", f"--dbname={name}")
-    restore = re.sub(r"^(dropdb.*|createdb.*) grader$", rf"\1 {name}", restore, flags=re.MULTILINE)
+    restore = re.sub(r"^(as_postgres (?:dropdb|createdb).*) grader$", rf"\1 {name}", restore, flags=re.MULTILINE)
     try:
         with open_site(settings) as site:
             with under_load(site) as acknowledged:

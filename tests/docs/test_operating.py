@@ -66,6 +66,14 @@ def exposed(tmp_path_factory: pytest.TempPathFactory) -> str:
         return site.anonymous().get("/metrics").raise_for_status().text
 
 
+def test_counters_that_alerts_watch_begin_at_zero(exposed: str) -> None:
+    """Prometheus sees no increase in a series that begins with 1: the first fault would raise no alert."""
+    for status in Status:
+        assert f'grader_verdicts_total{{status="{status}"}} ' in exposed
+    for topic in TOPICS:
+        assert f'grader_job_failures_total{{topic="{topic}"}} ' in exposed
+
+
 def test_a_wrong_expression_is_no_promql() -> None:
     with pytest.raises(ValueError, match="invalid promql"):
         selectors("max by (grader_workers) <")

@@ -34,6 +34,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "settings.md"
 WORDS = {
     "content": "the checkout's or wheel's own",
     "workers": "one a processor",
+    "cache": "`~/.cache/mujoco-grader`",
     "database_url": "SQLite in the data folder",
     "public_origin": "none: loopback alone",
 }

@@ -13,6 +13,7 @@ from grader.exercises import judge_exercise, plan_exercise
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 from support.local_judging import judging_twice
+from support.true_claims import telling_the_truth
 
 ROOT = Path(__file__).parents[2]
 
@@ -21,8 +22,8 @@ Grade = Callable[..., Verdict]
 
 @pytest.fixture(autouse=True)
 def twice() -> Iterator[None]:
-    """Every script that is judged here is judged by the client's judges too."""
-    with judging_twice():
+    """Every script that is judged here is judged by the client's judges too, and told nothing untrue."""
+    with judging_twice(), telling_the_truth():
         yield
 
 
@@ -61,6 +62,6 @@ def run(jail: Jail) -> Callable[..., RunReport]:
 def grade(run: Callable[..., RunReport]) -> Grade:
     def grade(question: ScriptQuestion, source: str, seed: int = 1) -> Verdict:
         report = run(question, source, seed)
-        return judge_exercise(question, plan_exercise(question, model_xml, seed), report)
+        return judge_exercise(question, plan_exercise(question, model_xml, seed), report, source=source)
 
     return grade

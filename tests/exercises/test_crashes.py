@@ -85,3 +85,25 @@ def test_a_hostile_message_takes_linear_time(start: str, part: str) -> None:
             explain_error(text)
         times.append(time.process_time() - began)
     assert times[1] < 40 * max(times[0], 1e-4)
+
+
+def test_a_module_that_is_not_imported_is_advised() -> None:
+    said = explain_error("NameError: name 'np' is not defined", ", in line 6 of your script")
+    assert said == "NameError: name 'np' is not defined, in line 6 of your script (add the line: import numpy as np)"
+    assert "add" not in explain_error("NameError: name 'nq' is not defined")
+
+
+@pytest.mark.parametrize(
+    ("message", "told"),
+    [
+        ("; it defines run", "Rename run to step: the grader calls step"),
+        ("; it defines a and b", "Define a function step: the grader calls step, and the script defines a and b"),
+        ("", "Define a function step: the grader calls step"),
+        (
+            "; it is a method of the class Solver: define it outside of the class",
+            "Define step outside of the class Solver: the grader calls step as a function",
+        ),
+    ],
+)
+def test_a_missing_function_is_told_by_what_to_do(message: str, told: str) -> None:
+    assert explain_error(f"TypeError: the script defines no function step{message}") == told

@@ -1,6 +1,7 @@
 """The chance of a fixed answer: against closed forms, for the lesson's exercises, and refused by `grader check`."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from grader.exercises.kind import Content
 from grader.exercises.kinds.threshold.parameters import ThresholdParameters
 from grader.exercises.luck import DRAWS, compute_chance_of_part, select_boxes
 from grader.exercises.runner import build_case_trials, refuse_text
-from grader.grading.checking import find_luck_faults
+from grader.grading.checking import ContentCheck
 from grader.grading.pipeline import compute_digest, compute_seed, to_canonical_json
 from grader.library import Library
 from grader.questions import Quiz
@@ -69,8 +70,9 @@ def test_narrow_ranges_are_refused_unless_the_author_raises_the_limit() -> None:
         quiz = Quiz(id="q", title="Q", questions=(exercise,))
         models = {"pendulum_servo": model_xml("pendulum_servo")}
         library = Library(root=None, quizzes={"q": quiz}, files={"q": "quizzes/q.json"}, models=models)  # type: ignore[arg-type]
-        found = list(find_luck_faults(library, "q", exercise, lambda text: None))
-        assert [fault.key for fault in found] == ["servo-threshold.check.luck"] * faults
+        check = ContentCheck(library, Path(), lambda: pytest.fail("luck needs no jail"), lambda text: None)
+        check.check_luck("q", exercise)
+        assert [fault.key for fault in check.report.faults] == ["servo-threshold.check.luck"] * faults
 
 
 def test_an_exercise_that_draws_nothing_can_be_known_by_heart() -> None:

@@ -58,7 +58,7 @@ class Falling(Kind[ExerciseParameters, float, float]):
 
     parameters = ExerciseParameters
     driver = DRIVER
-    measurement = Measurement(PROGRAM, Limits(cpu_s=2, wall_s=20, memory_mb=256))
+    measurement = Measurement(PROGRAM, Limits(cpu_s=1, wall_s=20, memory_mb=256))
     needs_model = False
 
     def build_trials(self, parameters: ExerciseParameters, drawn: DrawnCase[Case]) -> Sequence[Trial[float]]:
@@ -114,7 +114,7 @@ def test_a_right_model_is_right_and_a_wrong_one_is_judged(grade: Callable[[str],
 @pytest.mark.parametrize(
     ("source", "status", "why"),
     [
-        (build_script(options=SLOW), Status.TIMED_OUT, "too much CPU time to compile and simulate: more than 2 s"),
+        (build_script(options=SLOW), Status.TIMED_OUT, "too much CPU time to compile and simulate: more than 1 s"),
         (build_script(more=HUGE), None, "takes too much"),
         (
             build_script(options='<size memory="4G"/>'),

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from grader.exercises import recorder
+from grader.exercises.driving import recorder
 from grader.exercises.kinds.rk4.addresses import explain_misplaced, explain_quaternion_length
 from grader.exercises.kinds.rk4.judging import driver
 from grader.exercises.kinds.rk4.judging.run import Force, Run

@@ -13,15 +13,21 @@ from hypothesis import strategies as st
 
 from grader.exercises.crashes import explain_hidden_slip
 from grader.exercises.kind import JudgedTrial, Trial
+from grader.exercises.kinds.threshold.bisections import explain_wrong_bisection
 from grader.exercises.kinds.threshold.judging import driver
 from grader.exercises.kinds.threshold.judging.judge import Bracket, Claim, NoLimit, bracket_around, judge_claim
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
-from grader.exercises.kinds.threshold.search import CERTAIN_RULES, FALLBACK_RULES, explain_searches
+from grader.exercises.kinds.threshold.search import (
+    CERTAIN_RULES,
+    FALLBACK_RULES,
+    NO_STEP_RULES,
+    explain_searches,
+)
 from grader.exercises.kinds.threshold.search_trace import COLUMNS, read_search
 from grader.exercises.trace import HandledException, Note, Trace
 from grader.numerics.integrators import EULER, IMPLICITFAST
 
-MODEL = (Path(__file__).parents[2] / "models/pendulum_servo.xml").read_text()
+MODEL = (Path(__file__).parents[2] / "models/pendulum_servo.xml").read_text().replace('kp="100"', 'kp="2000"')
 PARAMETERS = ThresholdParameters.model_validate(
     {
         "model": "pendulum_servo",
@@ -31,6 +37,7 @@ PARAMETERS = ThresholdParameters.model_validate(
     }
 )
 START = (("hinge", 1.0),)
+ALL_RULES = (CERTAIN_RULES, NO_STEP_RULES, FALLBACK_RULES)
 BADQACC = 1 << 5
 
 
@@ -68,9 +75,7 @@ def judged(claim: Claim, trace: Trace, *, hidden: bool = False, code: int = EULE
 
 def told(claim: Claim, trace: Trace, *, hidden: bool = False, code: int = EULER.code) -> str:
     wrong = [judged(claim, trace, hidden=hidden, code=code)]
-    return (
-        explain_searches(PARAMETERS, wrong, CERTAIN_RULES) or explain_searches(PARAMETERS, wrong, FALLBACK_RULES) or ""
-    )
+    return next((one for rules in ALL_RULES if (one := explain_searches(PARAMETERS, wrong, rules, wrong))), "")
 
 
 LOW = Bracket(0.005, 0.0054)
@@ -81,7 +86,7 @@ HIGH = Bracket(0.03, 0.0304)
     ("claim", "trace", "said"),
     [
         (NoLimit(), trace_of(), "without a single step"),
-        (NoLimit(), trace_of(created=1), "mj_step is never called"),
+        (NoLimit(), trace_of(created=1), "but mj_step is not called"),
         (HIGH, trace_of(), "Nothing was simulated"),
         (HIGH, trace_of(other_functions=("mjd_transitionFD",)), ""),
         (NoLimit(), trace_of(run(0.002), run(0.002)), "timestep of 2 ms"),
@@ -178,9 +183,7 @@ CALM = trace_of(run(0.05), run(0.0255), run(0.0132))
 def test_a_test_that_is_turned_round_shows_in_both_its_answers(others: list[tuple[Claim, Trace]], said: bool) -> None:
     """A warning that is overlooked everywhere, or a criterion of one's own, is another mistake."""
     wrong = [judged(claim, trace) for claim, trace in ((NoLimit(), TOP), *others)]
-    sentence = (
-        explain_searches(PARAMETERS, wrong, CERTAIN_RULES) or explain_searches(PARAMETERS, wrong, FALLBACK_RULES) or ""
-    )
+    sentence = next((one for rules in ALL_RULES if (one := explain_searches(PARAMETERS, wrong, rules, wrong))), "")
     assert ("wrong way round" in sentence) == said
 
 
@@ -244,3 +247,79 @@ def test_watching_costs_a_hundredth_of_the_bisections() -> None:
     works: tuple[Callable[[], None], ...] = (partial(watch, False), partial(watch, True), bisect)
     visible, hidden, whole = (min(each) for each in zip(*[map(cpu_of, works) for _ in range(30)], strict=True))
     assert visible + 6 * hidden < 0.01 * 7 * whole
+
+
+LIMIT_S = 0.0201
+"""Within 3 s from 1 rad a run of the lesson's servo is stable at 20 ms, and warns at 20.2 ms, under Euler."""
+
+Update = Callable[[float, float, float], tuple[float, float]]
+
+
+def bisect(update: Update, halvings: int = 8) -> tuple[list[list[float]], Bracket]:
+    """The runs of a bisection between 1 and 50 ms that looks at the upper end first, and its last ends."""
+    low, high, runs = 0.001, 0.05, [run(0.05, warnings=BADQACC)]
+    for _ in range(halvings):
+        middle = (low + high) / 2
+        runs.append(run(middle, warnings=BADQACC * (middle > LIMIT_S)))
+        low, high = update(low, middle, high)
+    return runs, Bracket(low, high)
+
+
+def halve(low: float, middle: float, high: float) -> tuple[float, float]:
+    return (low, middle) if middle > LIMIT_S else (middle, high)
+
+
+@pytest.mark.parametrize(
+    ("factor", "returned"),
+    [(0.9, ", 0.9 times what it found"), (0.95, ", 0.95 times what it found"), (0.931234567, " ms. Return the two")],
+)
+def test_a_right_search_is_called_right_whatever_is_returned(factor: float, returned: str) -> None:
+    runs, ends = bisect(halve)
+    sentence = told(ends.scale(factor), trace_of(*runs))
+    assert f"Your search is right: {1e3 * ends.low:.4g} ms stayed stable, and at {1e3 * ends.high:.4g} ms" in sentence
+    assert returned in sentence
+    assert "your function returns None" in told(NoLimit(), trace_of(*runs))
+
+
+def test_a_search_that_found_something_wrong_is_not_called_right() -> None:
+    runs = [run(one[1] / 2, warnings=int(one[9])) for one in bisect(halve)[0]]
+    assert "is right" not in told(HIGH, trace_of(*runs))
+
+
+@pytest.mark.parametrize(
+    ("update", "said"),
+    [
+        (lambda low, middle, high: (middle, middle) if middle > LIMIT_S else (middle, high), "lower end to the middle"),
+        (lambda low, middle, high: (low, middle) if middle > LIMIT_S else (middle, middle), "upper end to the middle"),
+        (lambda low, middle, high: (low, middle) if middle > LIMIT_S else (low, high), "never moves its lower end"),
+        (lambda low, middle, high: (low, high) if middle > LIMIT_S else (middle, high), "never moves its upper end"),
+        (lambda low, middle, high: (middle, high) if middle > LIMIT_S else (low, middle), "goes on upwards"),
+    ],
+)
+def test_a_mutant_of_the_bisection_is_named(update: Update, said: str) -> None:
+    runs, ends = bisect(update)
+    assert said in told(ends, trace_of(*runs))
+
+
+@given(st.lists(st.booleans(), min_size=3, max_size=9))
+def test_a_right_bisection_is_no_mutant_whatever_it_takes_for_unstable(outcomes: list[bool]) -> None:
+    low, high, runs = 0.001, 0.05, []
+    for is_unstable in outcomes:
+        middle = (low + high) / 2
+        runs.append(run(middle, warnings=BADQACC * is_unstable))
+        low, high = (low, middle) if is_unstable else (middle, high)
+    wrong = [judged(HIGH, trace_of(*runs))]
+    assert explain_searches(PARAMETERS, wrong, (explain_wrong_bisection,)) is None
+
+
+def test_a_difference_that_changes_no_run_is_not_the_mistake() -> None:
+    harmless = trace_of(run(0.005), run(0.0048), differing_fields=(["enableflags"],))
+    assert "you call it unstable" in told(Bracket(0.0044, 0.0048), harmless)
+
+
+def test_none_without_a_step_beside_a_search_under_another_integrator() -> None:
+    wrong = [judged(NoLimit(), trace_of(), code=IMPLICITFAST.code)]
+    beside = [*wrong, judged(Bracket(0.02, 0.0202), trace_of(run(0.02), run(0.0202, warnings=BADQACC)))]
+    sentence = explain_searches(PARAMETERS, wrong, NO_STEP_RULES, beside) or ""
+    assert sentence.startswith("Under implicitfast your function returned None without a single step")
+    assert explain_searches(PARAMETERS, wrong, NO_STEP_RULES, wrong) != sentence

@@ -17,8 +17,8 @@ from grader.errors import NotFound
 from grader.exercises import check_exercise, judge_exercise, plan_exercise
 from grader.exercises.kinds.threshold.judging.judge import Bracket, judge_claim
 from grader.exercises.kinds.threshold.limits import find_accepted_ends
-from grader.exercises.kinds.threshold.mistakes import METHODS, ClaimContext
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
+from grader.exercises.kinds.threshold.wrong_methods import METHODS, ClaimContext
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 
@@ -335,6 +335,6 @@ def largest_stable_timestep(model, integrator):
 """
 
 
-def test_every_call_gets_a_fresh_model_of_one_compilation(run: Callable[..., RunReport]) -> None:
+def test_every_call_gets_a_fresh_model_which_is_not_compiled_again(run: Callable[..., RunReport]) -> None:
     report = run(SERVO, COUNTING)
-    assert report.stdout.split() == ["compiled", *["0.002"] * len(PARAMETERS.integrators)]
+    assert report.stdout.split() == ["0.002"] * len(PARAMETERS.integrators)

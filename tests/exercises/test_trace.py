@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from exercises.conftest import ROOT, model_xml, question
 from grader.domain.run import RunReport, RunStatus
-from grader.exercises import catching, judge_exercise, plan_exercise, recorder
+from grader.exercises import judge_exercise, plan_exercise
+from grader.exercises.driving import catching, recorder
 from grader.exercises.trace import NO_TRACE, HandledException, ReturnedValue, Trace, read_trace, read_traces
 
 Run = Callable[..., RunReport]

@@ -308,7 +308,7 @@ def test_a_kind_of_another_package_checks_and_grades(installed: Path, tmp_path: 
 def test_without_the_package_its_kind_is_told_to_be_unknown(tmp_path: Path) -> None:
     checked = grader(tmp_path, words(tmp_path), "check", str(tmp_path))
     assert checked.returncode == 2
-    assert "no kind of exercise is called 'exact-text'; use rk4, threshold, values" in checked.stdout
+    assert "no kind of exercise is called 'exact-text'; use controller, rk4, threshold, values" in checked.stdout
 
 
 def test_a_kind_that_cannot_be_loaded_is_told_with_its_package(installed: Path, tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from exercises.test_values_exercise import folder
 from grader.courses.rules.policy import revealing
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Verdict
-from grader.exercises import judge_exercise, plan_exercise, recorder
+from grader.exercises import judge_exercise, plan_exercise
+from grader.exercises.driving import recorder
 from grader.exercises.kinds.values.judging import driver
 from grader.library import Library, load
 

@@ -39,11 +39,12 @@ def on_behalf(site: Site) -> str:
 MADE = {"regrade": regrade_of, "webhook": webhook_of, "behalf": on_behalf}
 
 READS = {
-    "student": ["/quizzes", "/quizzes/small", "/submissions", "/submissions/{id}"],
+    "student": ["/me", "/quizzes", "/quizzes/small", "/submissions", "/submissions/{id}", "/submissions/{id}/films"],
     "instructor": [
         "/reviews", "/reviews/disagreements", "/reviews/comments?quiz=small&question=q4", "/submissions/{id}/review",
         "/regrades", "/regrades/{regrade}", "/members", "/invitations", "/tokens", "/course", "/audit",
-        "/gradebook.csv", "/quizzes/small/statistics", "/quizzes/small/extensions", "/roster.csv", "/roster.zip",
+        "/gradebook.csv", "/quizzes/small/statistics", "/quizzes/small/extensions", "/quizzes/small/policy",
+        "/roster.csv", "/roster.zip",
         "/webhooks", "/webhooks/{webhook}", "/deliveries", "/lti/platforms", "/lti/contexts", "/courses",
     ],
     "service": ["/results", "/lms/submissions/{behalf}"],

@@ -21,7 +21,7 @@ from support.sites import Site
 if TYPE_CHECKING:
     from schemathesis import GenerationMode
 
-BUDGET_S = 10.0
+BUDGET_S = 5.0
 """No more requests are made up after this time; by then every route has been asked in every role."""
 
 CONFORMANCE = (

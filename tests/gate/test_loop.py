@@ -61,7 +61,9 @@ def fill(name: str, size: int) -> str:
     """A JSON value of about `size` bytes."""
     before, unit, after = LEAVES[name]
     count = max(0, size - len(before) - len(after)) // len(unit)
-    return before + "".join(unit.replace("{n}", format(n, "x")) for n in range(count)) + after
+    if name == "pairs":
+        return before + "".join([unit.replace("{n}", f"{n:x}") for n in range(count)]) + after
+    return before + unit * count + after
 
 
 def worst_bodies(fields: dict[str, Any], size: int) -> Iterator[tuple[str, str]]:

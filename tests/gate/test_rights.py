@@ -77,6 +77,7 @@ BODIES: dict[str, Any] = {
     "POST /invitations": {"names": ["new"]},
     "POST /tokens": {"user": "new", "role": "student"},
     "POST /roster:import": "name\nnew one\n",
+    "PUT /quizzes/{quiz_id}/policy": {"attempts": 3},
     "PUT /quizzes/{quiz_id}/extensions": {"user": "ann", "attempts": 1},
     "POST /regrades": {"quiz": "small", "scope": "all"},
     "POST /lti/platforms": {**PLATFORM, "client_id": "another"},
@@ -93,8 +94,12 @@ FORMS: dict[str, dict[str, str]] = {
     "POST /instructor/people/tokens": {"user": "new", "new": "new", "role": "instructor", "days": ""},
     "POST /instructor/extensions": {"quiz": "small", "names": "ann", "attempts": "1"},
     "POST /instructor/extensions/publication": {"quiz": "small"},
+    "POST /instructor/dates": {"quiz": "small", "attempts": "3"},
     "POST /instructor/regrades": {"quiz": "small", "scope": "all"},
     "POST /instructor/review/{submission_id}": {"do": "decide", "points": "0.5", "comment": ""},
+    "POST /instructor/review/{submission_id}/lines": {"do": "write", "line": "1", "text": "Why?"},
+    "POST /instructor/review/{submission_id}/try": {"source": "pass"},
+    "POST /instructor/class/{quiz_id}/{question_id}/comment": {"mistake": "none", "text": "Look again."},
     "POST /instructor/courses": {"name": "one more"},
     "POST /instructor/lti/platforms": {**PLATFORM, "client_id": "by a form"},
 }
@@ -106,8 +111,11 @@ NO_EFFECT = {
     "POST /answers:validate", "POST /labs:run", "POST /reviews:recompute", "POST /quizzes/{quiz_id}/results:recount",
     "POST /submissions/{submission_id}:stop", "PUT /submissions/{submission_id}/review/second",
     "POST /lti/contexts/{context_id}:roster",
+    "POST /instructor/review/{submission_id}/lines", "POST /instructor/review/{submission_id}/try",
+    "POST /instructor/class/{quiz_id}/{question_id}/comment",
 }  # fmt: skip
-"""Routes that store nothing, or for which nothing is prepared: no script waits, no second mark, no roster."""
+"""Routes that store nothing, or for which nothing is prepared: no script was handed in,
+no second mark, no roster."""
 
 
 @dataclass(frozen=True)

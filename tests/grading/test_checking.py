@@ -1,15 +1,19 @@
 """What `grader check` reports: verdicts that depend on the draw, and points for scripts that solve nothing."""
 
+import json
+import shutil
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 
+from grader.commands.grade import open_pipeline
 from grader.domain.verdict import Status, Verdict
-from grader.errors import NotFound
+from grader.errors import Fault, NotFound
 from grader.exercises.lazy import ODD
-from grader.grading.checking import ReferenceProgram, Report, grade_lazy_answers, grade_references, read_demand
-from grader.library import Library, load
+from grader.grading.checking import ContentCheck, ReferenceProgram, check_content, read_demand
+from grader.grading.selection import Selection
+from grader.library import Library, PassedChecks, load
 from grader.questions.kinds.script import ScriptQuestion
 
 ROOT = Path(__file__).parents[2]
@@ -35,9 +39,10 @@ class Draws:
 def faults(
     draws: Draws, count: int, diagnosis: str | None = None, status: str = "partial", quiz: str = "q"
 ) -> list[str]:
-    report = Report()
-    program = ReferenceProgram(FILE, "source", quiz, "limit", status, diagnosis)
-    grade_references(draws, [program], report, lambda text: None, count)  # type: ignore[arg-type]
+    pipeline: Any = draws
+    check = ContentCheck(Library(Path(), {}), Path(), lambda: pipeline, lambda text: None, count)
+    check.grade_references([ReferenceProgram(FILE, "source", quiz, "limit", status, diagnosis)])
+    report = check.report
     assert {fault.file for fault in report.faults} <= {FILE}
     assert report.references[0]["file"] == FILE
     return [fault.why for fault in report.faults]
@@ -111,6 +116,39 @@ class Broadcasting(Generous):
         return Verdict(status=Status.PARTIAL, points=points, max_points=3)
 
 
+def test_an_unchanged_folder_needs_no_jail(tmp_path: Path) -> None:
+    """The reports are the same, also the lines of progress."""
+    program = tmp_path / "reference_solutions/1.3-exercises/servo-threshold/correct__spectral_radius.py"
+    program.parent.mkdir(parents=True)
+    program.write_bytes((ROOT / program.relative_to(tmp_path)).read_bytes())
+    for name in ("quizzes", "models"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    file = tmp_path / "quizzes" / "1.3-exercises.json"
+    quiz = json.loads(file.read_text())
+    quiz["questions"] = [one for one in quiz["questions"] if one["id"] == "servo-threshold"]
+    file.write_text(json.dumps(quiz))
+    checks = PassedChecks(tmp_path / "cache")
+    first: list[str] = []
+    again: list[str] = []
+    cold = check_content(tmp_path, open_pipeline, first.append, passed=checks)
+    warm = check_content(tmp_path, lambda _: pytest.fail("a jail is started"), again.append, passed=checks)
+    assert cold.to_json()["ok"]
+    assert (cold.to_json(), first) == (warm.to_json(), again)
+    program.write_text("# not as before\n" + program.read_text())
+    with pytest.raises(LookupError, match="it starts"):
+        check_content(tmp_path, refuse, again.append, passed=checks)
+
+
+def refuse(_library: Library) -> NoReturn:
+    raise LookupError("it starts")
+
+
+def find_lazy_faults(pipeline: Any, question: ScriptQuestion) -> list[Fault]:
+    check = ContentCheck(pipeline.library, ROOT, lambda: pipeline, lambda text: None)
+    check.grade_lazy_answers("1.3-exercises", question)
+    return check.report.faults
+
+
 @pytest.fixture(scope="module")
 def lesson() -> Library:
     return load(ROOT)
@@ -131,7 +169,7 @@ def test_a_script_that_does_not_solve_the_exercise_may_not_earn_what_solving_doe
     servo = lesson.question("1.3-exercises", "servo-threshold")
     assert isinstance(servo, ScriptQuestion)
     pipeline: Any = Generous(lesson, points)
-    found = list(grade_lazy_answers(pipeline, "1.3-exercises", servo, lambda text: None))
+    found = find_lazy_faults(pipeline, servo)
     assert [fault.why.partition(" earns ")[0] for fault in found] == refused
     assert all(fault.key == "servo-threshold.check" and "may earn" in fault.why for fault in found)
 
@@ -141,5 +179,19 @@ def test_no_kind_may_give_more_for_empty_arrays_than_for_none(id_: str, lesson: 
     question = lesson.question("1.3-exercises", id_)
     assert isinstance(question, ScriptQuestion)
     pipeline: Any = Broadcasting(lesson, 0.1)
-    (found,) = grade_lazy_answers(pipeline, "1.3-exercises", question, lambda text: None)
+    (found,) = find_lazy_faults(pipeline, question)
     assert found.why.startswith("empty arrays earns 0.1 points, and may earn 0 at most")
+
+
+def test_one_question_alone_is_checked_and_says_what_it_does(tmp_path: Path) -> None:
+    for name in ("quizzes", "models"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    done: list[str] = []
+    report = check_content(
+        tmp_path, refuse, lambda _: None, only=Selection("1.3-check", "q2"), doing=done.append
+    )  # no jail is needed
+    assert [one["question"] for one in report.certificates] == ["q2"]
+    assert (report.faults, report.warnings, report.references) == ([], [], [])
+    assert "certifying the key of 1.3-check q2" in done
+    absent = check_content(tmp_path, refuse, lambda _: None, only=Selection.parse("1.3-check/q9"))
+    assert [str(fault) for fault in absent.faults] == ["--only: q9: is not there: take one of q1, q2, q3, q4"]

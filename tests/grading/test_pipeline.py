@@ -96,29 +96,49 @@ def test_a_fault_in_preparing_hides_no_crash_of_the_script(
 
 
 def test_models_are_compiled_while_the_script_runs(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Planning compiles none, nor does what comes before the script runs, and judging no further one."""
+    """Planning compiles the visible one alone, and judging no further one. The hidden ones go to the jail with the
+    hidden inputs, and no earlier."""
     counts, prepared = [compiled()], threading.Event()
 
     def prepare(question: ScriptQuestion, plan: Plan) -> None:
-        counts.append(compiled())
         prepare_exercise(question, plan)
         prepared.set()
 
     def run(job: Job) -> RunReport:
+        visible, hidden = (
+            {trial["inputs"]["model"] for trial in part["trials"]} for part in (job.inputs, job.hidden_inputs)
+        )
+        counts.append(compiled())
         assert not prepared.is_set()
         job.sent()
         assert prepared.wait(60)
         counts.append(compiled())
-        drawn.update(trial["inputs"]["model"] for trial in job.hidden_inputs["trials"])
+        assert {*job.inputs["models"]} == visible
+        assert {*job.late_inputs()["models"]} == hidden
+        assert len(hidden) == 6 and not visible & hidden
         return RunReport(RunStatus.RETURNED)
 
-    drawn: set[str] = set()
     monkeypatch.setattr(pipeline, "prepare_exercise", prepare)
     verdict = Pipeline(library, run).grade("1.3-exercises", "servo-threshold", SCRIPT)
     before, planned, running = counts
     assert verdict.status is Status.INCORRECT
-    assert planned == before
-    assert compiled() == running >= before + len(drawn) > before
+    assert planned <= before + 1
+    assert compiled() == running >= planned + 6
+
+
+def test_the_jail_compiles_hidden_models_where_that_fails_here(
+    library: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def save(*_: object) -> None:
+        raise ValueError("a bug of the kind's")
+
+    def run(job: Job) -> RunReport:
+        assert job.late_inputs() == {}
+        return RunReport(RunStatus.CRASHED, "it crashed")
+
+    monkeypatch.setattr(pipeline, "save_hidden_models", save)
+    verdict = Pipeline(library, run).grade("1.3-exercises", "servo-threshold", SCRIPT)
+    assert (verdict.status, verdict.diagnosis) == (Status.CRASHED, "it crashed")
 
 
 def compiled() -> int:

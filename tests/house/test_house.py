@@ -128,6 +128,6 @@ def test_another_failure_of_the_package_manager_is_shown(tmp_path: Path) -> None
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("tool", ["bwrap", "chromium", "node"])
+@pytest.mark.parametrize("tool", ["bwrap", "chromium-headless-shell", "node"])
 def test_the_tools_that_the_suite_needs_are_here(tool: str) -> None:
     assert shutil.which(tool), f"make test installs {tool}"

@@ -18,7 +18,7 @@ from support.sites import ROOT, open_site
 
 SOURCES = str(Path(grader.__file__).parent)
 
-LIMITS = {"choice": (21, 74), "number": (27, 94), "typed number": (29, 104), "script": (24, 84)}
+LIMITS = {"choice": (20, 72), "number": (26, 92), "typed number": (28, 102), "script": (23, 82)}
 """How many modules and moves an answer has at most: a choice that others have given, a right number, a wrong one that
 was typed with a unit, which is read and searched for slips, and a script until it is queued.
 """
@@ -42,7 +42,7 @@ class Walk:
         code, at = frame.f_code, frame.f_lasti
         if not code.co_filename.startswith(SOURCES) or event not in ("call", "return"):
             return
-        if code.co_code[at] == RESUME and code.co_code[at + 1] if event == "call" else code.co_code[at] == YIELD:
+        if is_waiting(code.co_code[at], code.co_code[at + 1]):
             return
         if not code.co_flags & CO_GENERATOR:  # which may be left at a `yield`
             self._open.append(1 if event == "call" else -1)
@@ -57,8 +57,10 @@ class Walk:
         return not sum(self._open)
 
 
-RESUME, YIELD = dis.opmap["RESUME"], dis.opmap["YIELD_VALUE"]
-"""`RESUME 0` begins a function; one with another argument goes on after a `yield` or an `await`."""
+def is_waiting(operation: int, argument: int) -> bool:
+    """Whether code is left or entered at a `yield` or an `await`, where Python 3.11 stands at the one or the other of
+    two instructions, and 3.13 always at the second. `RESUME 0` begins a function."""
+    return operation == dis.opmap["YIELD_VALUE"] or (operation == dis.opmap["RESUME"] and argument != 0)
 
 
 def module_of_caller(frame: FrameType) -> str | None:

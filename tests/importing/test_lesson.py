@@ -93,7 +93,7 @@ def test_every_fault_is_told_with_its_line() -> None:
         "line 3",
         "line 9, column 16",
         "line 12",
-        "line 17, column 22",
+        "line 17, column 21",
         "line 20",
     ]
     text = "\n".join(faults)

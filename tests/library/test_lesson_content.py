@@ -6,8 +6,9 @@ import mujoco
 import pytest
 
 from grader.domain.verdict import Status
+from grader.labs import run_lab
 from grader.library import Library, load
-from grader.questions import grade_answer
+from grader.questions import grade_answer, kind_of
 
 ROOT = Path(__file__).parents[2]
 MODELS = ("pendulum", "pendulum_servo", "double_pendulum")
@@ -39,6 +40,23 @@ def test_the_content_of_this_repository_loads_without_a_warning(library: Library
 )
 def test_the_knowledge_check_is_graded(library: Library, question: str, answer: object, status: Status) -> None:
     assert grade_answer(library.question("1.3-check", question), answer).status is status
+
+
+@pytest.mark.parametrize(
+    ("integrator", "timestep_s", "is_stable"),
+    [("Euler", 0.0065, True), ("Euler", 0.007, False), ("implicitfast", 0.0072, True), ("implicitfast", 0.0075, False),
+     ("discrete", 0.01, True)],
+)  # fmt: skip
+def test_the_sentences_on_wrong_integrators_are_true(
+    library: Library, integrator: str, timestep_s: float, is_stable: bool
+) -> None:
+    lab = kind_of(library.question("1.3-check", "q3")).lab(library.question("1.3-check", "q3"))
+    assert lab is not None
+    stepped = lab.model_copy(update={"setup": f"{lab.setup}; model.opt.timestep = {timestep_s}", "controls": ()})
+    code = {"Euler": 0, "implicitfast": 3, "discrete": 4}[integrator]
+    stiff = "model.actuator_gainprm[0] = 20000; model.actuator_biasprm[1] = -20000"
+    config = stepped.model_copy(update={"setup": f"{stepped.setup}; {stiff}; model.opt.integrator = {code}"})
+    assert run_lab(config, library.model_xml("pendulum_servo"), None, (), 5.0).stable is is_stable
 
 
 @pytest.mark.parametrize("name", MODELS)

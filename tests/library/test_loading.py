@@ -18,7 +18,7 @@ from grader.questions.kinds.script import ScriptQuestion
 
 XML = '<mujoco><worldbody><body name="ball"><freejoint/><geom name="ball" size="1"/></body></worldbody></mujoco>'
 HINGE = '<mujoco><worldbody><body><joint/><geom size="1"/></body></worldbody></mujoco>'
-MCQ = {"kind": "mcq", "q": "Which?", "options": ["a", "b"], "answer": 1}
+MCQ = {"kind": "mcq", "q": "Which?", "options": ["a", "b"], "answer": 1, "whys": ["a is not.", "b is."]}
 NUMERIC = {"kind": "numeric", "q": "How long?", "answer": 5, "tol": 0.05, "unit": "ms"}
 OPEN = {"kind": "open", "q": "Why?", "reference": "Because."}
 CODE = {"kind": "code", "q": "Do", "entry": "f"}
@@ -517,3 +517,41 @@ def test_one_quiz_alone_is_as_with_all_and_no_other_is_tried(root: Path) -> None
     write(root, without(MCQ, "answer"), name="other")
     with pytest.raises(ContentError):
         load(root, "quiz")
+
+
+def test_an_element_that_the_model_does_not_have_is_a_fault(root: Path) -> None:
+    lab = {"id": "lab", "model": "ball", "readouts": [{"label": "x", "expr": "data.qpos[70]"}]}
+    verify = {"by": "outcome", "claims": ["data.qpos[7] > 0", "data.qpos[6] > 0"], "seconds": 0.1}
+    number = {**NUMERIC, "verify": {"by": "expression", "expr": "model.body_mass[2]", "model": "ball"}}
+    write(root, {**PREDICT, "verify": verify}, number, labs=[lab])
+    assert told(root) == {
+        "lab.readouts.0.expr": "line 1, column 1: there is no data.qpos[70]: data.qpos has 7 elements, from 0 to 6",
+        "q1.verify.claims.0": "line 1, column 1: there is no data.qpos[7]: data.qpos has 7 elements, from 0 to 6",
+        "q2.verify.expr": "line 1, column 1: there is no model.body_mass[2]: "
+        "model.body_mass has 2 elements, from 0 to 1",
+    }
+
+
+@pytest.mark.parametrize("name", ["quizzes/other.jsn", "quizzes/1.2-x.json.txt", "models/other.mjcf", "models/a.XML"])
+def test_a_file_with_another_ending_is_a_fault(root: Path, name: str) -> None:
+    (root / name).write_text("{}", encoding="utf-8")
+    [fault] = faults(root)
+    assert (fault.file, fault.key) == (name, "ending")
+    assert "rename it to" in fault.why
+
+
+def test_other_files_beside_quizzes_and_models_are_no_fault(root: Path) -> None:
+    for name in ("quizzes/README.md", "models/notes.txt", "quizzes/quiz.json~"):
+        (root / name).write_text("", encoding="utf-8")
+    assert load(root).quizzes
+
+
+def test_equal_options_dates_in_words_and_misspelt_names_are_told_with_a_cure(root: Path) -> None:
+    lab = {"id": "lab", "model": "bal", "readouts": [{"label": "x", "expr": "data.qops[0]"}]}
+    write(root, {**MCQ, "options": ["a", "a "]}, labs=[lab], policy={"due": "19 October 2026"})
+    found = told(root)
+    assert found["q1.options"] == "'a ' is there twice: write each text once"
+    assert found["policy.due"].startswith("must be a date and time with its offset, such as 2026-10-19T18:00+02:00")
+    assert found["lab.model"].endswith("did you mean 'ball'?")
+    write(root, labs=[{**lab, "model": "ball"}])
+    assert told(root)["lab.readouts.0.expr"].endswith("data.qops cannot be read here: did you mean data.qpos?")

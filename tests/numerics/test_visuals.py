@@ -1,13 +1,16 @@
 """A model without what only shows moves as the whole one does, to the last bit, or is not used."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
 
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.numerics.visuals import count_visuals, moves_alike, remove_visuals
+from grader.numerics.visuals import compile_untextured, count_visuals, moves_alike, remove_visuals
 from grader.numerics.workspace import BARE_AFTER
+from grader.studies.bench.physics.models import find_gymnasium_models
 from numerics.models import ALL, LESSON, MODELS
 
 BOX = (MODELS / "tumbling_box.xml").read_text()
@@ -55,6 +58,37 @@ def test_masses_that_come_from_geoms_outlive_them(compiler: str, integrator: int
     less, whole = (simulate(scene, steps=200, integrator=integrator, skip=skip) for skip in (True, False))
     assert less.qpos.tobytes() == whole.qpos.tobytes()
     assert less.qvel.tobytes() == whole.qvel.tobytes()
+
+
+SKY = """<mujoco><asset><texture type="skybox" builtin="gradient" rgb1="0 0 1" rgb2="0 0 0" width="64" height="64"/>
+  <texture name="grid" type="2d" builtin="checker" width="8" height="8"/><material name="grid" texture="grid"/></asset>
+  <worldbody><geom type="plane" size="1 1 .1" material="grid"/><body pos="0 0 1"><freejoint/>
+    <geom size=".1" material="grid"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("as_file", [False, True])
+def test_textures_are_left_out_and_nothing_else(tmp_path: Path, as_file: bool) -> None:
+    path = tmp_path / "sky.xml"
+    path.write_text(SKY)
+    whole, bare = mujoco.MjModel.from_xml_string(SKY), compile_untextured(path if as_file else SKY)
+    assert (whole.ntex, bare.ntex, bare.nmat) == (2, 0, 1)
+    assert moves_alike(whole, bare)
+    for name in ("geom_type", "geom_size", "geom_pos", "geom_matid", "body_geomadr", "geom_contype"):
+        assert getattr(whole, name).tolist() == getattr(bare, name).tolist()
+
+
+def test_foreign_models_move_alike_without_their_textures() -> None:
+    paths = find_gymnasium_models().values()
+    assert len(paths) > 10
+    for path in paths:
+        whole, bare = mujoco.MjModel.from_xml_path(str(path)), compile_untextured(path)
+        assert moves_alike(whole, bare), path
+        assert whole.geom_size.tobytes() == bare.geom_size.tobytes()
+
+
+def test_what_does_not_compile_is_refused() -> None:
+    with pytest.raises(ValueError, match="XML"):
+        compile_untextured("<mujoco>")
 
 
 def test_a_number_of_the_motion_is_noticed() -> None:

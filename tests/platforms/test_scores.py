@@ -14,6 +14,7 @@ import pytest
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from grader.courses.answering.policies import change_policy
 from grader.courses.answering.results import grant
 from grader.courses.people.identity import Identity, Role
 from grader.courses.sending.outbox import release, release_all, replay, send_scores
@@ -82,6 +83,11 @@ class Course(Class):
     def change_policy(self, policy: dict[str, Any]) -> None:
         set_policy(self.folder, policy)
         self.contents.of(COURSE).reload()
+
+    def set_rules(self, rules: dict[str, Any]) -> None:
+        """Sets the policy of the quiz in this course, as an instructor."""
+        tina, library = Identity("t" * 32, "tina", Role.INSTRUCTOR, COURSE), self.contents.of(COURSE).library
+        change_policy(self.database, library, tina, library.quiz("small"), rules, is_current=lambda _: True)
 
     def publish(self) -> None:
         with self.database.write() as session:
@@ -646,6 +652,18 @@ def test_a_change_of_the_policy_alone_releases_a_score(make: MakeCourse, feedbac
     assert (course.platform.taken, course.row().state) == ([], "held")
     course.change_policy({})
     release_all(course.database)
+    course.deliver()
+    assert (course.sent, course.row().state) == ([(1.0, "FullyGraded")], "sent")
+
+
+@both
+def test_dates_that_the_course_sets_hold_a_score_and_release_it(make: MakeCourse) -> None:
+    course = make(policy={"feedback": "after_due", "due": (now() - timedelta(hours=1)).isoformat()})
+    course.set_rules({"due": later_due()})
+    course.answer([(course.learners[0], "q1", 1)])
+    course.deliver(until_s=0.1)
+    assert (course.platform.taken, course.row().state) == ([], "held")
+    course.set_rules({})  # by the content's due date it was late, but not multiplied
     course.deliver()
     assert (course.sent, course.row().state) == ([(1.0, "FullyGraded")], "sent")
 

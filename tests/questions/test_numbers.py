@@ -69,7 +69,8 @@ def test_the_points_of_the_question_are_those_of_its_fields() -> None:
 def test_a_slip_that_explains_every_wrong_number_is_the_diagnosis() -> None:
     both = grade_answer(asked(), {"T": -5, "m": -2})
     assert both.diagnosis == (
-        "Period T and Mass: each number has the wrong sign: check which direction counts as positive."
+        "Period T and Mass: each number has the wrong sign: check whether it can be negative at all, and "
+        "which direction counts as positive."
     )
     one = grade_answer(asked(), {"T": 5, "m": "2 g"})
     assert (one.diagnosis or "").startswith("Mass: your number would be right in kilograms")

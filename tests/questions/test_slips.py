@@ -34,7 +34,7 @@ def test_seconds_for_milliseconds() -> None:
         (1.5, "rad/s", "85.94", "right in deg/s, but rad/s was asked for"),
         (20000, "N m/rad", "20", "right in kN·m/rad, but N m/rad was asked for"),
         (293.15, "K", "20", "right in degrees Celsius (°C), but kelvins (K) were asked for"),
-        (5, "ms", "-5", "has the wrong sign: check which direction counts as positive"),
+        (5, "ms", "-5", "has the wrong sign: check whether it can be negative at all, and which direction counts"),
         (5, "ms", "10", "off by a factor of two"),
         (5, "ms", "2.5", "off by a factor of two"),
         (5, "ms", "50", "off by a power of ten (a factor of 10)"),

@@ -18,7 +18,8 @@ from grader.queue.worker import Worker
 from grader.service.worker import GradingTask
 from grader.store import submissions
 from grader.store.engine.database import Database
-from grader.store.tables import Submission, VerdictRow, new_id
+from grader.store.engine.ids import new_id
+from grader.store.tables import Submission, VerdictRow
 from support.databases import database_url
 
 GOOD = Verdict(status=Status.CORRECT, points=1.0, max_points=1.0)

@@ -28,7 +28,8 @@ from grader.service.worker import GradingTask, Judge, make_fault, make_grade, ru
 from grader.settings import Settings
 from grader.store import submissions
 from grader.store.engine.database import Database
-from grader.store.tables import Submission, new_id
+from grader.store.engine.ids import new_id
+from grader.store.tables import Submission
 
 OTHER = 1
 """An owner of jobs that is not a worker of this test."""

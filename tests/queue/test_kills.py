@@ -23,6 +23,7 @@ from support.queue_kills import (
     handed_in,
     kill_grading_process,
     kill_zygote,
+    next_server,
     process_of,
     settings_on,
     verdicts_of,
@@ -61,7 +62,7 @@ def test_a_killed_part_of_the_jail_costs_nobody_a_verdict(
                 time.sleep(draw.uniform(0.1, 0.4))
                 kill(server.pid, draw)
             shown = verdicts_of(client, ids)
-        assert {one["verdict"]["status"] for one in shown.values()} == {"incorrect"}
+    assert {one["verdict"]["status"] for one in shown.values()} == {"incorrect"}
     assert_graded_once(url, ids)
 
 
@@ -79,11 +80,9 @@ def test_a_killed_server_leaves_no_process_behind_and_the_next_one_grades_the_re
     while any(Path(f"/proc/{pid}/cmdline").exists() and Path(f"/proc/{pid}/cmdline").read_bytes() for pid in below):
         assert time.monotonic() < deadline, "a process outlived its server"
         time.sleep(0.05)
-    with process_of("serve", settings) as server:
-        wait_until_ready(server, settings)
-        with client_of(settings, "ann") as client:
-            shown = verdicts_of(client, ids)
-        assert {one["verdict"]["status"] for one in shown.values()} == {"incorrect"}
+    with next_server(settings), client_of(settings, "ann") as client:
+        shown = verdicts_of(client, ids)
+    assert {one["verdict"]["status"] for one in shown.values()} == {"incorrect"}
     assert_graded_once(url, ids)
 
 
@@ -107,12 +106,10 @@ def test_a_full_disk_beside_kills_costs_nobody_a_verdict(url: str, tmp_path: Pat
             kill_grading_process(server.pid, draw)
             time.sleep(0.4)
     disk.free()
-    with process_of("serve", settings, disk.before) as server:
-        wait_until_ready(server, settings)
-        with client_of(settings, "ann") as client:
-            ids.append(hand_in(client, 99))
-            shown = verdicts_of(client, ids)
-        assert {one["verdict"]["status"] for one in shown.values()} == {"incorrect"}
+    with next_server(settings), client_of(settings, "ann") as client:
+        ids.append(hand_in(client, 99))
+        shown = verdicts_of(client, ids)
+    assert {one["verdict"]["status"] for one in shown.values()} == {"incorrect"}
     assert_graded_once(url, ids)
 
 

@@ -14,7 +14,7 @@ from grader.queue import jobs
 from grader.queue.jobs import JobRow
 from grader.queue.worker import JobOutcome, Worker
 from grader.store.engine.database import Database
-from support.databases import database_url
+from support.databases import open_database
 
 
 @dataclass
@@ -60,10 +60,8 @@ def test_receivers_that_dawdle_hold_up_no_grading(database: Database) -> None:
 
 def test_news_wake_the_threads_that_do_such_jobs_alone(tmp_path: Path) -> None:
     """On SQLite: other processes' news, which wake everybody on PostgreSQL, cannot be told from our own."""
-    with database_url("sqlite", tmp_path) as url:
-        database = Database(url)
+    with open_database("sqlite", tmp_path) as database:
         watch_the_lanes(database)
-        database.close()
 
 
 def watch_the_lanes(database: Database) -> None:

@@ -43,7 +43,7 @@ def load_content() -> Library:
 
 
 def graded(verdict: Verdict, seed: int | None = 7, **policy: Any) -> Graded:
-    quiz = load_content().quiz("1.3-exercises").model_copy(update={"policy": Policy(**policy)})
+    quiz = load_content().quiz("1.3-exercises").model_copy(update={"default_policy": Policy(**policy)})
     return Graded(quiz, quiz.questions[0], verdict, seed)
 
 

@@ -15,6 +15,7 @@ from grader.domain.run import Job
 from grader.sandbox.watch import Watch
 from grader.sandbox.zygote import Child
 
+PARTS = [lambda: b"first", lambda: b"visible", lambda: b"hidden"]
 PATIENCE_S = 0.5
 """Long enough to see what should not arrive; where it arrives, it takes a millisecond."""
 
@@ -59,7 +60,7 @@ def played() -> Iterator[Played]:
 
 @pytest.mark.slow
 def test_no_inputs_are_sent_before_the_integrators_are_removed(played: Played) -> None:
-    watch = Watch(played.child, Job("", "", {}), [b"first", b"visible", b"hidden"], without_integrators=True)
+    watch = Watch(played.child, Job("", "", {}), PARTS, without_integrators=True)
     run = threading.Thread(target=watch.run)
     run.start()
     try:

@@ -46,6 +46,19 @@ def test_a_worker_waits_for_its_database_and_says_so(tmp_path: Path) -> None:
     assert "Connection refused" in line
 
 
+@pytest.mark.process
+@pytest.mark.jail
+@pytest.mark.parametrize("command", ["serve", "worker"])
+def test_a_process_that_waits_for_its_database_ends_on_sigterm(command: str, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    with database_url("postgresql", tmp_path) as url, cable_to(url) as (cable, through):
+        cable.cut()
+        with log.open("wb") as lines, process_of(command, settings_on(through, tmp_path), log=lines) as waiting:
+            wait_for(lambda: "waiting for the database" in log.read_text() or waiting.poll() is not None)
+            waiting.terminate()
+            waiting.wait(START_S)
+
+
 @pytest.fixture
 def whole_database() -> Iterator[str]:
     """The URL of an empty database of its own: PgBouncer takes no search path."""

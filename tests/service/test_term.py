@@ -1,6 +1,6 @@
 """A term played through: what everybody handed in, graded again in a dozen lines of Python, is what the service says.
 
-Forty learners answer five quizzes: one is late for all but a few, one is closed for all but a few, one has a
+A dozen learners answer five quizzes: one is late for all but a few, one is closed for all but a few, one has a
 wrong key that is found and mended, one gets a new question while it is open, and one has answers that a person grades.
 At the end the gradebook is exported, the data is restored from a backup, and the gradebook is the same to the byte.
 """
@@ -30,10 +30,10 @@ from support.sites import Site, open_site, write_content
 pytestmark = [pytest.mark.slow, pytest.mark.postgres]
 
 API = "/api/v1"
-LEARNERS = [f"learner{number:03}" for number in range(24)]
-EXTENDED = LEARNERS[::10]
-ESSAYISTS = LEARNERS[::5]
-NEWCOMERS = LEARNERS[::4]
+LEARNERS = [f"learner{number:03}" for number in range(12)]
+EXTENDED = LEARNERS[::6]
+ESSAYISTS = LEARNERS[::4]
+NEWCOMERS = LEARNERS[::3]
 NOW = datetime.now(UTC)
 HOUR = timedelta(hours=1)
 PER_DAY = 0.75

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import timedelta
 from pathlib import Path
 
@@ -95,27 +95,40 @@ def teacher(large: Site) -> httpx.Client:
 
 
 def in_nothings(
-    client: httpx.Client, path: str, before: Callable[[], object] = dict, headers: Mapping[str, str] | None = None
+    client: httpx.Client,
+    path: str,
+    times_max: float,
+    before: Callable[[], object] = dict,
+    headers: Mapping[str, str] | None = None,
 ) -> float:
-    """What a request costs, in requests that read nothing: least CPU times of ten of each, in turns.
+    """What a request costs, in requests that read nothing: least CPU times of ten of each, in turns; of three where
+    that is less than half of `times_max`.
 
     One of each comes first and fills the caches; `before` is called before each.
     """
     times: dict[str, list[float]] = {path: [], NOTHING: []}
-    for _ in range(11):
+    for done in range(11):
+        if done == 4 and least_ratio(times.values()) < times_max / 2:
+            break
         for one, so_far in times.items():
             before()
             begin = time.process_time()
             status = client.get(one, headers=headers if one == path else None).status_code
             assert status == (304 if headers and one == path else 200), one
             so_far.append(time.process_time() - begin)
-    return min(times[path][1:]) / min(times[NOTHING][1:])
+    return least_ratio(times.values())
+
+
+def least_ratio(times: Iterable[list[float]]) -> float:
+    """The least of the first over the least of the second, without the first time of each."""
+    ours, nothing = (min(one[1:]) for one in times)
+    return ours / nothing
 
 
 @pytest.mark.cost
 @pytest.mark.parametrize("path", [*(f"/api/v1{path}" for path in LISTS), *PAGES])
 def test_no_list_grows_with_the_course(teacher: httpx.Client, path: str) -> None:
-    assert in_nothings(teacher, path) < TIMES_OF_NOTHING
+    assert in_nothings(teacher, path, TIMES_OF_NOTHING) < TIMES_OF_NOTHING
 
 
 def change(site: Site) -> None:
@@ -128,19 +141,21 @@ def change(site: Site) -> None:
 @pytest.mark.cost
 @pytest.mark.parametrize("path", WHOLE_COURSE)
 def test_a_whole_course_is_read_in_little_time(large: Site, teacher: httpx.Client, path: str) -> None:
-    assert in_nothings(teacher, path, lambda: change(large)) < TIMES_OF_A_WHOLE_COURSE
+    limit = TIMES_OF_A_WHOLE_COURSE
+    assert in_nothings(teacher, path, limit, lambda: change(large)) < limit
 
 
 @pytest.mark.cost
 def test_a_page_of_the_gradebook_costs_as_little_after_a_change(large: Site, teacher: httpx.Client) -> None:
-    assert in_nothings(teacher, "/instructor/gradebook?quiz=large", lambda: change(large)) < TIMES_OF_NOTHING
+    path = "/instructor/gradebook?quiz=large"
+    assert in_nothings(teacher, path, TIMES_OF_NOTHING, lambda: change(large)) < TIMES_OF_NOTHING
 
 
 @pytest.mark.cost
 def test_an_unchanged_gradebook_is_not_made_again(teacher: httpx.Client) -> None:
     path = "/api/v1/gradebook.csv?quiz=large"
     known = {"If-None-Match": teacher.get(path).headers["etag"]}
-    assert in_nothings(teacher, path, headers=known) < TIMES_OF_NOTHING
+    assert in_nothings(teacher, path, TIMES_OF_NOTHING, headers=known) < TIMES_OF_NOTHING
 
 
 @pytest.fixture(params=BACKENDS)

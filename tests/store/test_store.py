@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,9 @@ from grader.queue.jobs import QueueBase
 from grader.store import contents, courses, line_items, outbox, regrades, submissions
 from grader.store.engine import database as store_database
 from grader.store.engine.database import Database
+from grader.store.engine.ids import new_id
 from grader.store.submissions import SubmissionFilter
-from grader.store.tables import Base, Submission, VerdictRow, new_id
+from grader.store.tables import Base, Submission, VerdictRow
 from grader.store.upkeep.installation import hidden_case_secret
 from support.databases import BACKENDS, database_url, open_database
 
@@ -90,16 +92,18 @@ def test_a_failed_transaction_keeps_nothing(database: Database) -> None:
 
 
 @pytest.mark.parametrize("hasty", [True, False])
-def test_only_a_hasty_commit_does_not_wait_for_the_disk(database: Database, hasty: bool) -> None:
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_only_a_hasty_commit_does_not_wait_for_the_disk(backend: str, tmp_path: Path, hasty: bool) -> None:
     """On one connection in turn: neither kind may leave its setting to the other."""
     asked, waits = (
         ("PRAGMA synchronous", {False: 2, True: 1})
-        if database.is_sqlite
+        if backend == "sqlite"
         else ("SHOW synchronous_commit", {False: "on", True: "off"})
     )
-    for kind in (not hasty, hasty, hasty):
-        with database.write(hasty=kind) as session:
-            assert session.scalar(text(asked)) == waits[kind]
+    with database_url(backend, tmp_path, durable=True) as url, closing(Database(url)) as database:
+        for kind in (not hasty, hasty, hasty):
+            with database.write(hasty=kind) as session:
+                assert session.scalar(text(asked)) == waits[kind]
 
 
 def test_postgresql_compiles_no_plans(database: Database) -> None:

@@ -53,7 +53,7 @@ def restore(backend: str, url: str, text: str) -> None:
     schema = make_url(url).query["options"]
     assert isinstance(schema, str)
     with psycopg.connect(own_database(), autocommit=True, connect_timeout=CONNECT_S) as connection:
-        connection.execute(text.replace("SCHEMA", schema.removeprefix("-csearch_path=")).encode())
+        connection.execute(text.replace("SCHEMA", schema.partition("search_path=")[2]).encode())
 
 
 @pytest.fixture(scope="module", params=BACKENDS)

@@ -40,6 +40,7 @@ from studies.active_set import CONSTANT, order
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "docs" / "measured"
 PAGE = "docs/measured.md"
+PAGES = (PAGE, "docs/deploy.md")
 RESULTS = load_results(KEPT)
 SCENES = RESULTS["precision"]["scenes"]
 
@@ -58,16 +59,17 @@ def test_the_results_are_of_whole_runs_and_no_proof_was_broken() -> None:
         assert all(error in scene["errors"][method] for method, _, _, error in scene["pareto"])
 
 
-def test_the_page_is_the_rendering_of_the_results() -> None:
-    text = (ROOT / PAGE).read_text(encoding="utf-8")
-    assert MARKED.search(text), f"{PAGE} has no <!-- measured:begin NAME --> ... <!-- measured:end NAME -->"
+@pytest.mark.parametrize("page", PAGES)
+def test_the_page_is_the_rendering_of_the_results(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert MARKED.search(text), f"{page} has no <!-- measured:begin NAME --> ... <!-- measured:end NAME -->"
     filled, denied = fill(text, RESULTS)
     assert not denied, "\n".join(denied)
     assert filled == text, "run: make measured-tables"
 
 
-def test_the_page_uses_every_block_claim_and_picture() -> None:
-    text = (ROOT / PAGE).read_text(encoding="utf-8")
+def test_the_pages_use_every_block_claim_and_picture() -> None:
+    text = "\n".join((ROOT / page).read_text(encoding="utf-8") for page in PAGES)
     assert {found[1] for found in MARKED.findall(text)} == set(BLOCKS)
     assert sorted(found[1] for found in CLAIMED.findall(text)) == sorted(CLAIMS)
     assert not re.search(r"^ *<!--=", text, re.MULTILINE), "Markdown takes such a line for HTML"

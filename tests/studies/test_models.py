@@ -1,7 +1,11 @@
 """Well-known models: what is skipped changes no bit, and the cost beside the steps is measured without the steps."""
 
+from typing import Any
+
 import mujoco
+import numpy as np
 import pytest
+from mujoco.rollout import rollout as roll_out
 
 from grader.numerics.stepping import advance_exactly
 from grader.studies.bench.physics import models
@@ -10,6 +14,7 @@ from grader.studies.bench.physics.models import (
     are_bits_same,
     load_model_scene,
     measure_overhead,
+    measure_recording,
     plan,
     run_scene,
 )
@@ -38,6 +43,21 @@ def test_the_cost_beside_the_steps_is_measured_without_them() -> None:
     assert mujoco.mj_step is real
     with scene.borrow(keep=False, skip=True) as workspace:
         assert run_scene(scene, skip=True).time[-1] == pytest.approx(models.STEPS * workspace.option.timestep)
+
+
+def test_every_step_is_recorded_by_both(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the same start, by the model's own options, without what our runs skip."""
+    scene, recorded = load_model_scene("tumbling_box (course)"), list[np.ndarray]()
+
+    def kept(*arguments: Any, **options: Any) -> None:
+        roll_out(*arguments, **options)
+        recorded.append(options["state"])
+
+    monkeypatch.setattr(models, "roll_out", kept)
+    assert measure_recording(scene, 0.01).ratio > 0
+    ours = run_scene(scene, skip=True).states[-1]
+    for states in recorded[-1]:
+        assert states[-1].tobytes() == ours.tobytes()
 
 
 def test_a_run_makes_as_many_calls_as_it_is_compared_with(monkeypatch: pytest.MonkeyPatch) -> None:

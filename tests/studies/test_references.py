@@ -2,6 +2,7 @@
 
 import json
 import re
+from concurrent.futures import ThreadPoolExecutor
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Literal
@@ -12,11 +13,13 @@ import pytest
 from playwright.sync_api import Request
 
 from grader.commands.main import main
+from grader.numerics.accuracy import reference
 from grader.numerics.accuracy.reference import Adaptive, list_sample_times, solve_adaptively
-from grader.numerics.integrators import INTEGRATORS
+from grader.numerics.integrators import INTEGRATORS, Integrator
 from grader.numerics.scene import Scene
 from grader.studies.advise.meter import SAMPLE_S, Meter
 from grader.studies.advise.page import draw_page
+from grader.studies.advise.references import REFERENCE_S, References
 from grader.studies.advise.report import Start, advise
 from grader.studies.advise.survey import main as survey
 from numerics.models import hinge
@@ -37,7 +40,7 @@ def test_adaptive_methods_of_different_order_agree_through_impacts() -> None:
     times = np.asarray(list_sample_times(1.0, SAMPLE_S))
     scene = Scene.from_xml(BALL)
     methods: tuple[tuple[Adaptive, float], ...] = (("RK23", 1e-7), ("RK45", 1e-8), ("DOP853", 1e-9))
-    low, high, eighth = (solve_adaptively(scene, times, method, rtol=rtol) for method, rtol in methods)
+    low, high, eighth = (solve_adaptively(scene, times, method, rtol=rtol)[0] for method, rtol in methods)
     assert len(low.time) == len(high.time) == len(eighth.time) == len(times)
     assert np.abs(low.qpos - eighth.qpos).max() < 1e-6
     assert np.abs(high.qpos - eighth.qpos).max() < 1e-6
@@ -49,7 +52,7 @@ def test_adaptive_methods_of_different_order_agree_through_impacts() -> None:
 
 def test_an_adaptive_method_that_runs_out_of_time_ends_there() -> None:
     times, scene = np.asarray(list_sample_times(1.0, SAMPLE_S)), Scene.from_xml(BALL)
-    late = solve_adaptively(scene, times, "RK45", rtol=1e-8, until=0.0)
+    (late,) = solve_adaptively(scene, times, "RK45", rtol=1e-8, until=0.0)
     assert len(late.time) == 0
     assert Meter(scene, 1.0, None).distances(late, late, times).tolist() == [np.inf] * len(times)
 
@@ -71,6 +74,62 @@ def test_the_survey_holds_choices_against_another_method_and_goes_on(tmp_path: P
         assert row["independent_error"] <= 1e-3
         assert row["choice"]["error"] == pytest.approx(row["independent_error"], abs=row["doubt"] + 1e-9)
         assert row["independent_doubt"] < 1e-5
+
+
+def test_adaptive_methods_go_no_further_than_the_one_that_is_stuck(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Together they solve what each solves alone, up to where the first of them gets stuck."""
+    times, scene = np.asarray(list_sample_times(1.0, SAMPLE_S)), Scene.from_xml(BALL)
+    monkeypatch.setattr(reference, "STUCK", 200)
+    alone = [solve_adaptively(scene, times, method, rtol=1e-6)[0] for method in ("RK23", "RK45")]
+    low, high = solve_adaptively(scene, times, "RK23", "RK45", rtol=1e-6)
+    lengths = [len(one.time) for one in alone]
+    assert 0 < min(lengths) < max(lengths)
+    assert len(low.time) == len(high.time) == min(lengths)
+    for one, both in zip(alone, (low, high), strict=True):
+        assert one.qpos[: len(both.qpos)].tobytes() == both.qpos.tobytes()
+        assert one.qvel[: len(both.qvel)].tobytes() == both.qvel.tobytes()
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_the_beginning_of_a_run_is_the_shorter_run(integrator: Integrator) -> None:
+    """Also where the run diverges, before the shorter one ends and after."""
+    ends = set[bool | None]()
+    settings = [(rate, timestep_s) for rate in (0, 12, 60) for timestep_s in (0.0025, 0.02, 0.007)]
+    for rate, timestep_s in settings:
+        pushed = f"<actuator><velocity joint='hinge' kv='{-rate}'/></actuator>"
+        scene = Scene.from_xml(hinge(rest=pushed if rate else "")).at(qvel=[1.0])
+        whole, short = Meter(scene, 1.0, None), Meter(scene, 0.3, None)
+        cut = short.cut(whole.run((integrator, timestep_s))).rollout
+        run, long = (meter.run((integrator, timestep_s)).rollout for meter in (short, whole))
+        ends.add(None if long.diverged_at_step is None else run.diverged_at_step is None)
+        assert cut.states.tobytes() == run.states.tobytes()
+        assert cut.step.tolist() == run.step.tolist()
+        kept = (cut.steps, cut.diverged_at_step, cut.warning, cut.timestep_s, cut.integrator)
+        assert kept == (run.steps, run.diverged_at_step, run.warning, run.timestep_s, run.integrator)
+    assert ends == {None, False, True}
+
+
+def test_stepped_runs_end_where_no_halving_that_is_left_can_help() -> None:
+    """Source: 0.4 of a tolerance of 1e-3 is accepted, and five halvings of the six timesteps reduce 32 times."""
+    times = np.asarray(list_sample_times(0.4, SAMPLE_S))
+    with ThreadPoolExecutor(1) as pool:
+        search = References(
+            Meter(Scene.from_xml(BALL), 0.4, None), 1e-3, frozenset(INTEGRATORS),
+            first=[], until=np.inf, evaluation_s=1e-6, progress=lambda _: None, pool=pool,
+        )  # fmt: skip
+        doubts = np.where(times < 0.25, 1e-3, 0.5)
+        assert search.count_hopeful(doubts, times, REFERENCE_S[0]) == np.sum(times < 0.25)
+        assert search.count_hopeful(np.full(len(times), 4e-4 * 63.9), times, REFERENCE_S[0]) == len(times)
+        assert search.count_hopeful(np.full(len(times), 4e-4 * 64.1), times, REFERENCE_S[0]) == 5  # UNTIL_MIN_S
+        assert search.count_hopeful(np.full(len(times), np.inf), times, REFERENCE_S[0]) == len(times)
+        whole = search.run_pair(REFERENCE_S[0], times)
+        search.pairs.clear()
+        part = search.run_pair(REFERENCE_S[0], times[:5])
+    assert whole is not None
+    assert part is not None
+    for long, short in zip(whole, part, strict=True):
+        assert short.time[-1] == pytest.approx(0.1, abs=1e-3)
+        assert long.states[: len(short.states)].tobytes() == short.states.tobytes()
 
 
 class Page(HTMLParser):

@@ -10,8 +10,11 @@ import pytest
 from grader.domain.verdict import Status
 from grader.library import load
 from grader.questions import grade_answer, installed_kinds
+from grader.questions.kinds.script import ScriptQuestion
+from grader.settings import Settings
 from grader.studies.bench.service import answers, workers
 from grader.studies.bench.service.classroom import QUIZ, list_kinds, make_answers, write_class
+from grader.studies.bench.service.script import PROGRAMS, Script, compare_with_bare, read_program
 from grader.studies.bench.service.service import Beside
 from grader.studies.bench.service.workers import Workers
 from support.databases import BACKENDS
@@ -21,6 +24,7 @@ from support.databases import BACKENDS
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_answers_are_measured_beside_both_bare_routes(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(answers, "LEARNERS", 10)
+    monkeypatch.setattr(answers, "WARM_UP_S", 0.1)
     found = Beside(backend, 2)
     record = found.measure(True, {})
     rows = {row["server"]: row for row in found.rows(record)}
@@ -57,3 +61,35 @@ def test_a_queue_is_worked_off_by_more_and_more_workers(monkeypatch: pytest.Monk
     assert [run["workers"] for run in found["runs"]] == [1, 2]
     assert found["runs"][0]["ratio"] == 1
     assert all(run["per_second"] > 0 and run["cores"] > 0 for run in found["runs"])
+
+
+@pytest.mark.slow
+def test_a_script_is_measured_beside_its_bare_function() -> None:
+    """On SQLite: the same server is measured on PostgreSQL with the answers above."""
+    found = Script("servo-threshold", "whole_runs_in_one_call", "sqlite")
+    (row,) = found.rows(found.measure(True, {}))
+    parts = ("whole", "child", "judge", "service")
+    assert all(row[f"{part}_s"] > 0 and row[f"{part}_ratio"] > 0 for part in parts)
+    assert row["child_ratio"] > 1  # the bare function is a part of it
+    assert 0 < row["bare_s"] < row["whole_s"]
+    assert row["imported_s"] > 0.05
+
+
+@pytest.mark.slow
+def test_the_same_is_measured_without_a_server() -> None:
+    found = compare_with_bare("servo-threshold", "whole_runs_in_one_call", "child", 2)
+    assert len(found.pairs) == 2
+    assert all(0 < pair < 1 for pair in found.pairs)
+
+
+def test_every_exercise_of_the_first_lesson_is_measured() -> None:
+    library = load(Settings().content)
+    exercises = {
+        (quiz.id, one.id)
+        for quiz in library.quizzes.values()
+        for one in quiz.questions
+        if isinstance(one, ScriptQuestion)
+    }
+    assert exercises == {("1.3-exercises", exercise) for exercise in PROGRAMS}
+    for exercise, programs in PROGRAMS.items():
+        assert all(read_program(exercise, program) for program in programs)

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import psycopg
@@ -27,14 +26,13 @@ CONNECT_S = 30
 
 
 @contextmanager
-def database_url(backend: str, folder: Path, *, empty: bool = False) -> Iterator[str]:
+def database_url(backend: str, folder: Path, *, empty: bool = False, durable: bool = False) -> Iterator[str]:
     """The URL of a database without rows; skips where no PostgreSQL answers.
 
-    It has the newest tables already, unless `empty`: to copy them costs less than every migration.
+    A schema of PostgreSQL has the newest tables already, unless `empty`: to copy them costs less than every migration.
+    Its commits do not wait for the disk, unless `durable`: only the server's own end could lose them.
     """
     if backend == "sqlite":
-        if not empty:
-            write_newest_tables(folder)
         yield f"sqlite:///{folder / 'grader.db'}"
         return
     need_postgresql()
@@ -44,8 +42,9 @@ def database_url(backend: str, folder: Path, *, empty: bool = False) -> Iterator
         if not empty:
             connection.execute(f"SET search_path TO {schema};{newest_schema()}".encode())
         try:
-            url = make_url(server).update_query_dict({"options": f"-csearch_path={schema}"})
-            yield url.render_as_string(hide_password=False)
+            options = f"{'' if durable else '-csynchronous_commit=off '}-csearch_path={schema}"
+            url = make_url(server).update_query_dict({"options": options})
+            yield url.render_as_string(hide_password=False).replace("+", "%20")  # libpq takes + as it is
         finally:
             connection.execute(f"DROP SCHEMA {schema} CASCADE")
 
@@ -56,27 +55,6 @@ def open_database(backend: str, folder: Path) -> Iterator[Database]:
     with database_url(backend, folder) as url, closing(Database(url)) as database:
         database.migrate()
         yield database
-
-
-def write_newest_tables(folder: Path) -> None:
-    """Puts a SQLite file without rows into a folder of data, unless there is one."""
-    file = folder / "grader.db"
-    if not file.exists():
-        folder.mkdir(0o700, parents=True, exist_ok=True)
-        file.touch(0o600)
-        file.write_bytes(newest_tables())
-
-
-@cache
-def newest_tables() -> bytes:
-    """A SQLite file with the newest tables and no rows."""
-    with TemporaryDirectory() as folder:
-        file = Path(folder) / "grader.db"
-        database = Database(f"sqlite:///{file}")
-        database.migrate()
-        database.empty_log()
-        database.close()
-        return file.read_bytes()
 
 
 @cache

@@ -15,13 +15,17 @@ from typing import IO, Any
 
 import httpx
 
+from grader.service.app import create_app
 from grader.settings import Settings
-from support.servers import PLAIN
+from support.servers import PLAIN, serving
 from support.sites import ROOT
 from support.tokens import issue_token
 
 START_S = 120.0
 GRADED_S = 240.0
+RATE = 100_000
+"""Requests a second that no test makes."""
+
 PAUSES = "import time\ntime.sleep(0.3)\n\ndef largest_stable_timestep(model, integrator):\n    return 0.0015\n"
 """Runs long enough to be killed in the middle; its answer is wrong for every model."""
 
@@ -41,8 +45,8 @@ def process_of(
         "GRADER_PORT": str(settings.port),
         "GRADER_WORKERS": str(settings.workers),
         "GRADER_TRIES": str(settings.tries),
-        "GRADER_RATE_PER_S": "100000",
-        "GRADER_RATE_BURST": "100000",
+        "GRADER_RATE_PER_S": str(RATE),
+        "GRADER_RATE_BURST": str(RATE),
     }
     if settings.database_url:
         environment["GRADER_DATABASE_URL"] = settings.database_url
@@ -53,6 +57,15 @@ def process_of(
     finally:
         process.kill()
         process.wait()
+
+
+@contextmanager
+def next_server(settings: Settings) -> Iterator[None]:
+    """The server that follows a killed one, in this process: to import it again would take most of its start."""
+    app = create_app(settings.model_copy(update={"rate_per_s": RATE, "rate_burst": RATE}))
+    with serving(app, settings.port):
+        yield
+    app.state.services.database.close()
 
 
 def settings_on(database_url: str | None, folder: Path, workers: int = 1, tries: int = 3) -> Settings:
@@ -72,13 +85,14 @@ def settings_on(database_url: str | None, folder: Path, workers: int = 1, tries:
 
 
 def wait_until_ready(process: "subprocess.Popen[bytes]", settings: Settings) -> None:
-    """A server without workers of its own is ready only beside others: until it answers then."""
-    deadline, path = time.monotonic() + START_S, "/readyz" if settings.workers else "/healthz"
+    """A server without workers of its own is ready only beside others: until it answers at all then."""
+    deadline = time.monotonic() + START_S
     while True:
         assert process.poll() is None, "the server ended"
         assert time.monotonic() < deadline, "the server does not become ready"
         try:
-            if httpx.get(f"{settings.origin}{path}", timeout=5, verify=PLAIN).status_code == 200:
+            seen = httpx.get(f"{settings.origin}/readyz", timeout=START_S, verify=PLAIN)
+            if seen.status_code == 200 or not settings.workers:
                 return
         except httpx.TransportError:
             pass

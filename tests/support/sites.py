@@ -11,11 +11,10 @@ from typing import Any, Literal
 import httpx
 from fastapi import FastAPI
 
+from grader.courses.people.tokens import create_token
 from grader.service.app import create_app
 from grader.settings import Settings
-from support.databases import write_newest_tables
 from support.servers import PLAIN, serving
-from support.tokens import issue_token
 
 ROOT = Path(__file__).parents[2]
 
@@ -61,7 +60,8 @@ class Site:
 
     def client(self, user: str, role: str = "student", course: str | None = None) -> httpx.Client:
         """A client that sends a new token of this user."""
-        token = issue_token(self.settings, user, role, course or self.course)
+        with self.app.state.services.database.write() as session:
+            token = create_token(session, user, role, course or self.course)
         return self.anonymous({"Authorization": f"Bearer {token}"})
 
     def anonymous(self, headers: dict[str, str] | None = None) -> httpx.Client:
@@ -76,9 +76,7 @@ class Site:
 
 @contextmanager
 def open_site(settings: Settings, loop: Literal["auto", "asyncio"] = "auto") -> Iterator[Site]:
-    """The app on a free port. A new SQLite file is a copy: every migration would cost more than the rest of the app."""
-    if settings.database_url is None:
-        write_newest_tables(settings.data)
+    """The app on a free port."""
     app = create_app(settings)
     with serving(app, loop=loop) as origin:
         site = Site(app, settings, origin)

@@ -17,6 +17,7 @@ from web.browsing import Chromium, chromium
 
 ROOT = Path(__file__).parents[2]
 SOLUTIONS = ROOT / "reference_solutions/1.3-exercises/servo-threshold"
+STEP, WRONG_STEP = "/quizzes/1.3-exercises/rk4-step", "../rk4-step/incorrect__stages_half_as_far.py"
 SCRIPTS = ("incorrect__returns_the_bound.py", "correct__the_lessons_script_and_a_bisection.py")
 EXERCISE, LAB = "/quizzes/1.3-exercises/servo-threshold", "1.3-labs--servo-stability"
 VERDICT_MS = 60_000
@@ -41,8 +42,37 @@ def student_page(site: Site, browser: Chromium, target: Path) -> None:
         page.get_by_role("button", name="Run and judge").click()
         page.locator("#result").get_by_text(f"attempt {count},").first.wait_for(timeout=VERDICT_MS)
     page.goto(f"{EXERCISE}?attempt={attempt(page, len(SCRIPTS) - 1)}")
-    page.evaluate("document.activeElement.blur(); scrollTo(0, 0); document.querySelector('textarea').scrollTop = 0")
+    stop_film(page, "300")
+    page.evaluate("document.querySelector('textarea').scrollTop = 0")
     keep(page, target, page.locator("figure").first)
+
+
+def verdict_page(site: Site, browser: Chromium, target: Path) -> None:
+    """The verdict on a wrong step with its line marked, and the film of the step beside MuJoCo's near its end."""
+    page = new_page(site, browser)
+    page.goto(STEP)
+    page.locator("textarea.code").fill(source(WRONG_STEP))
+    page.get_by_role("button", name="Run and judge").click()
+    page.locator("#result .verdict").wait_for(timeout=VERDICT_MS)
+    stop_film(page, "510")
+    first, last = page.locator("#result .verdict").bounding_box(), page.locator("[data-film]").bounding_box()
+    assert first is not None
+    assert last is not None
+    clip = {
+        "x": first["x"] - MARGIN, "y": first["y"] - MARGIN, "width": first["width"] + 2 * MARGIN,
+        "height": last["y"] + last["height"] - first["y"] + 2 * MARGIN,
+    }  # fmt: skip
+    page.screenshot(path=target, full_page=True, clip=clip)  # type: ignore[arg-type]
+    fewer_colours(target)
+
+
+def stop_film(page: Page, tick: str) -> None:
+    """Fetches the film of the verdict, and stops it at a tick of its clock, of 600; shows the top of the page."""
+    film = page.locator("[data-film]")
+    film.scroll_into_view_if_needed()
+    film.locator(".run").first.wait_for()
+    film.get_by_label("Time in the runs").fill(tick)
+    page.evaluate("document.activeElement.blur(); scrollTo({ top: 0, behavior: 'instant' })")
 
 
 def source(script: str) -> str:
@@ -61,7 +91,7 @@ def attempt(page: Page, place: int) -> str:
 def lab(site: Site, browser: Chromium, target: Path) -> None:
     """A lab between two runs: the servo is stiffer than Euler bears, and the last run is the ghost."""
     page = new_page(site, browser)
-    page.goto("/")
+    page.goto("/lessons/1.3")
     box = page.locator(f"[id='{LAB}']")
     box.scroll_into_view_if_needed()
     for control, value in ((3, "0.01"), (1, "20000")):
@@ -124,6 +154,7 @@ def main(folder: Path) -> None:
         chromium() as browser,
     ):
         student_page(site, browser, folder / "student-page.png")
+        verdict_page(site, browser, folder / "verdict-page.png")
         lab(site, browser, folder / "lab-page.png")
         instructor_page(site, browser, folder / "instructor-page.png")
 

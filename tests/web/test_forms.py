@@ -211,6 +211,20 @@ def test_an_expired_link_says_so(browser: httpx.Client) -> None:
     assert "sign-in link" in response.text
 
 
+def test_a_link_that_was_used_leads_on(browser: httpx.Client, settings: Settings) -> None:
+    code = in_database(settings, lambda session: create_sign_in_code(session, "Ann", Role.STUDENT))
+    assert browser.post("/signin", data={"code": code}).status_code == 200
+    for again in (browser.post("/signin", data={"code": code}), browser.get(f"/signin?code={code}")):
+        assert again.status_code == 401
+        assert 'href="/">Go on as Ann</a>' in again.text
+        assert "Begin without a name" not in again.text
+    browser.cookies.clear()
+    for again in (browser.post("/signin", data={"code": code}), browser.get(f"/signin?code={code}")):
+        assert again.status_code == 401
+        assert "Ask your instructor for a new one" in again.text
+        assert 'href="/">Begin without a name</a>' in again.text  # on loopback
+
+
 def test_an_instructor_sees_the_lesson_too(browser: httpx.Client, settings: Settings) -> None:
     code = in_database(settings, lambda session: create_sign_in_code(session, HOSTILE[:40], Role.INSTRUCTOR))
     browser.post("/signin", data={"code": code})

@@ -37,12 +37,18 @@ PAGES = {
     "review": "/instructor/review",
     "gradebook": "/instructor/gradebook?quiz=small",
     "statistics": "/instructor/statistics?quiz=small",
+    "scripts alike": "/instructor/alike",
     "people": "/instructor/people",
+    "invitations": "/instructor/people/invitations",
+    "tokens": "/instructor/people/tokens",
+    "audit log": "/instructor/people/audit",
     "regrades": "/instructor/regrades",
     "extensions": "/instructor/extensions?quiz=small",
+    "dates": "/instructor/dates?quiz=small",
     "platforms": "/instructor/lti",
     "courses": "/instructor/courses",
     "content": "/instructor/content",
+    "draft": "/instructor/draft",
     "answer keys": "/instructor/certificates",
     "service": "/instructor/service",
 }
@@ -83,6 +89,27 @@ def teacher(site: Site) -> Iterator[BrowserContext]:
 def page(teacher: BrowserContext) -> Page:
     """One tab for all pages."""
     return teacher.new_page()
+
+
+def test_a_due_date_is_set_on_the_page_and_reaches_the_learner(teacher: BrowserContext, site: Site) -> None:
+    page = teacher.new_page()
+    page.goto("/instructor/content")
+    page.get_by_role("link", name="Dates and rules").click()
+    page.locator("select[name=quiz]").select_option("essay")
+    page.get_by_role("button", name="Show").click()
+    due = page.locator("[data-rule=due]")
+    expect(due).to_contain_text("As in the content.")
+    due.get_by_label("Due", exact=True).fill("2190-12-24T18:00")
+    page.get_by_role("button", name="Save").click()
+    expect(page.get_by_role("status")).to_contain_text("Saved.")
+    expect(due).to_contain_text("Set in this course. The content says: none.")
+    ann = site.client("ann")
+    assert ann.get(f"{API}/quizzes/essay").json()["policy"]["due"] == "2190-12-24T18:00:00Z"
+    due.get_by_label("Due", exact=True).fill("2190-12-25T18:00")
+    due.get_by_role("button", name="Back to the content").click()
+    expect(due).to_contain_text("As in the content.")
+    assert ann.get(f"{API}/quizzes/essay").json()["policy"]["due"] is None
+    page.close()
 
 
 def check(page: Page) -> None:

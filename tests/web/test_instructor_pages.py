@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
-from grader.certify import Certificate
+from grader.certify import Certificate, keys
 from grader.certify.remarks import Luck
 from grader.courses.people import members
 from grader.courses.people.identity import COOKIE, Role
@@ -22,11 +22,16 @@ from grader.library import load
 from grader.questions.kinds.number import NumberQuestion
 from grader.settings import Settings
 from grader.web.instructor import certificates, extensions
-from grader.web.instructor.certificate_text import word_key
 from grader.web.instructor.statistics_plots import plot_estimates
+from grader.web.text.certificates import word_key
 from support.sites import ROOT, Site, open_site, write_content
 
 API = "/api/v1"
+DRAFT = "/instructor/draft"
+LENGTH: dict[str, Any] = {
+    "kind": "numeric", "id": "length", "q": "How long is six?", "answer": 6, "tol": 0,
+    "verify": {"by": "expression", "expr": "2 * 3"},
+}  # fmt: skip
 HOSTILE = "<img src=x onerror=alert(1)>"
 GRADED: dict[str, Any] = {
     "id": "2-graded",
@@ -112,8 +117,9 @@ def test_statistics_tell_mistakes_options_wrong_numbers_and_intervals(site: Site
         answer(site.client(name), "small", "q2", number)
     answer(site.client("ann"), "small", "q4", "Because.")
     told = words(page(tina, "/instructor/statistics?quiz=small"))
-    assert "The hardest is “How long?”: 20 % of its points" in told
+    assert "no question is clearly the hardest, as intervals overlap" in told
     assert "20 % (4 to 62 %, n = 5)" in told
+    told = re.sub(r" learners?: see who", "", told)  # what the link on a count says
     assert re.search(r"Option chosen first Learners a 1 b right 3 c 1", told)
     assert re.search(
         r"off by a power of ten .* 2 Wrong number that several gave first Learners 7.005 ms 2 50 ms 2", told
@@ -129,14 +135,28 @@ def test_the_plots_say_which_question_tells_nothing() -> None:
 
     titles = {"good": "Good", "bad": f"Bad {HOSTILE}" * 9}
     shares, tells = plot_estimates([one("good", 0.5, 0.2, 0.7), one("bad", -0.4, -0.6, -0.1)], titles)
-    assert tells.title.startswith("Who knows more answers “Bad")
+    assert tells.title.startswith("Strong learners do worse at “Bad")
     assert tells.table[1] == ("Good", "0.5", "0.2 to 0.7", "30")
     for width in (308.0, 520.0):
         drawn = tells.draw(width).svg("wide-plot", shares.title)
         assert "<img" not in drawn
         assert drawn.count("<circle") == 2
     (_, tells) = plot_estimates([one("good", 0.5, 0.2, 0.7), one("bad", 0.1, -0.2, 0.4)], {"good": "g", "bad": "b"})
-    assert tells.title == "“b” may tell nothing apart"
+    assert tells.title == "Too few answers to say whether “b” separates strong from weak learners"
+    (_, tells) = plot_estimates([one("good", 0.5, 0.2, 0.7), one("bad", 0.0, -0.1, 0.1)], {"good": "g", "bad": "b"})
+    assert tells.title == "“b” does not separate strong from weak learners"
+    assert shares.title == "Share of the points: no question is clearly the hardest, as intervals overlap"
+
+
+def test_a_question_is_the_hardest_where_its_interval_lies_below_all_others() -> None:
+    def one(name: str, value: float, low: float, high: float) -> QuestionStatistics:
+        share = Estimate(value, low, high, 30)
+        return QuestionStatistics(name, share, share, None, {}, (), {})
+
+    (shares,) = plot_estimates([one("a", 0.9, 0.8, 0.95), one("b", 0.3, 0.2, 0.5)], {"a": "A", "b": "B"})
+    assert shares.title == "The hardest is “B”: 30\u202f% of its points"
+    (shares,) = plot_estimates([one("a", 0.6, 0.4, 0.8), one("b", 0.3, 0.2, 0.5)], {"a": "A", "b": "B"})
+    assert "no question is clearly the hardest" in shares.title
 
 
 def test_an_instructor_sees_what_the_policy_shows_the_learner_and_sends_nothing(site: Site, tina: httpx.Client) -> None:
@@ -177,8 +197,9 @@ def test_pages_keep_answers_under_review_and_first_marks_from_reviewers(site: Si
     tom, ann = browser(site, "tom", "instructor"), site.client("ann")
     made = answer(ann, "2-graded", "why", "UNDER REVIEW")
     story, book = f"/instructor/learners/{made['learner']}", "/instructor/gradebook?quiz=2-graded"
-    seen_as = f"{story}/lessons/2"
+    seen_as, reel = f"{story}/lessons/2", f"{story}/reel/2-graded/why"
     for client in (tina, tom):
+        assert client.get(reel).status_code == 404
         assert "1 answer is under review without a name" in words(page(client, story))
         assert "UNDER REVIEW" not in page(client, story) + page(client, seen_as)
         assert "under review without a name" in page(client, seen_as)
@@ -187,10 +208,12 @@ def test_pages_keep_answers_under_review_and_first_marks_from_reviewers(site: Si
     assert "3.25" not in page(tom, book) + page(tom, story) + page(tom, seen_as)
     assert "3.25" not in page(tom, "/instructor/statistics?quiz=2-graded")
     assert "UNDER REVIEW" not in page(tom, story) + page(tom, seen_as)
+    assert tom.get(reel).status_code == 404
     decide(tom, made["id"], "review/second", 3.25)
     assert "3.25" in page(tom, book)
     assert "UNDER REVIEW" in page(tom, story)
     assert "UNDER REVIEW" in page(tom, seen_as)
+    assert "UNDER REVIEW" in page(tom, reel)
 
 
 def test_learners_of_one_name_are_told_apart_wherever_they_are_named(site: Site, tina: httpx.Client) -> None:
@@ -220,6 +243,17 @@ def test_learners_of_one_name_are_told_apart_wherever_they_are_named(site: Site,
     assert students == [{"Kim"}, {f"Kim …{one[-4:]}" for one in twins}]  # Canvas finds a learner without ids by name
 
 
+def test_a_reviewer_reads_when_the_learner_can_see_the_decision(site: Site, tina: httpx.Client) -> None:
+    ann = site.client("ann")
+    held, shown = (answer(ann, quiz, name, 0)["id"] for quiz, name in (("2-graded", "which"), ("small", "q1")))
+    told = words(page(tina, f"/instructor/review/{held}?which=submissions&said=decided"))
+    assert "Decided. The learner can see it once the feedback of the quiz is published, on the page Extensions." in told
+    tina.put(f"{API}/quizzes/2-graded/publication")
+    for one in (held, shown):
+        told = words(page(tina, f"/instructor/review/{one}?which=submissions&said=decided"))
+        assert "Decided. The learner can see it now." in told
+
+
 def test_an_extension_is_given_refused_and_taken_back(site: Site, tina: httpx.Client) -> None:
     learner = answer(site.client("ann"), "2-graded", "which", 0)["learner"]
     address, form = "/instructor/extensions", {"quiz": "2-graded", f"learner-{learner}": "yes"}
@@ -228,7 +262,7 @@ def test_an_extension_is_given_refused_and_taken_back(site: Site, tina: httpx.Cl
         refused = tina.post(address, data={**form, **wrong})
         assert (refused.status_code, "Check " + next(iter(wrong)) in refused.text) == (422, True)
     given = {**form, "due": "2101-02-03T04:05", "attempts": "2"}
-    assert "ann: due Thu 3 Feb 2101, 04:05 UTC, 2 further attempts" in words(tina.post(address, data=given).text)
+    assert "ann: due Thu 3 Feb 2101, 04:05 UTC , 2 further attempts" in words(tina.post(address, data=given).text)
     told = words(page(tina, f"{address}?quiz=2-graded"))
     assert "ann Thu 3 Feb 2101, 04:05 UTC – 2 tina" in told
     assert tina.get(f"{API}/quizzes/2-graded/extensions").json()["items"][0]["attempts"] == 2
@@ -246,7 +280,7 @@ def test_several_learners_get_an_extension_at_once_or_none_does(site: Site, tina
             last = members.with_account(session, account, "Kim", Role.STUDENT, site.course or "").id
     address, wanted = "/instructor/extensions", {"quiz": "2-graded", "attempts": "2"}
     kept = f"{API}/quizzes/2-graded/extensions"
-    for names, why in (("ann\nAnn", "Ann: no learner"), ("bob\nKim", "Kim: 2 learners bear this name"), ("", "Tick")):
+    for names, why in (("ann\nAnn", "Ann: no learner"), ("bob\nKim", "Kim: 2 learners have this name"), ("", "Tick")):
         refused = tina.post(address, data={**wanted, "names": names})
         assert (refused.status_code, why in refused.text) == (422, True)
         assert tina.get(kept).json()["items"] == []
@@ -322,6 +356,66 @@ def test_content_that_was_refused_is_told_until_it_is_mended(site: Site, tina: h
     assert "refused" not in words(page(tina, "/instructor"))
 
 
+def test_a_draft_is_read_previewed_and_published_as_it_was_seen(site: Site, tina: httpx.Client) -> None:
+    path = site.settings.content / "quizzes" / "2-graded.json"
+    assert "nothing to publish" in words(page(tina, DRAFT))
+    answer(site.client("ann"), "2-graded", "which", 1)
+    which, why = GRADED["questions"]
+    path.write_text(json.dumps({**GRADED, "questions": [{**which, "answer": 0}, {**why, "q": "Why not?"}, LENGTH]}))
+    seen = page(tina, DRAFT)
+    told = words(seen)
+    assert "Which? 2-graded which changed answer 1 learner has answered: their verdicts stay until you regrade" in told
+    assert "2-graded why changed q Nobody has answered it yet." in told
+    assert "2-graded length added Learners see it once it is published." in told
+    assert "After that regrade 2-graded" in told
+    shown = page(tina, f"{DRAFT}/2-graded/length")
+    assert "How long is six?" in shown and "certified" in shown and "method=" not in shown.partition("<main")[2]
+    assert "6 Correct" in words(page(tina, f"{DRAFT}/2-graded/length?state=right"))
+    assert tina.get(f"{DRAFT}/2-graded/gone").status_code == 404
+
+    path.write_text(json.dumps({**GRADED, "questions": [why]}))
+    late = tina.post(DRAFT, data={"revision": revision_in(seen)})
+    assert (late.status_code, "changed since you looked" in late.text) == (412, True)
+    assert "Which?" in json.dumps(tina.get(f"{API}/quizzes/2-graded").json())
+    assert tina.post(DRAFT).status_code == 412
+
+    path.write_text(json.dumps({**GRADED, "questions": [which, {**why, "q": "Why not?"}]}))
+    assert tina.post(DRAFT, data={"revision": revision_in(page(tina, DRAFT))}).status_code == 303
+    assert "Why not?" in json.dumps(tina.get(f"{API}/quizzes/2-graded").json())
+    assert "nothing to publish" in words(page(tina, DRAFT))
+    assert any(one["action"] == "content reloaded" for one in tina.get(f"{API}/audit").json()["items"])
+    path.write_text(json.dumps(GRADED))
+    assert tina.post(f"{API}/content:reload").status_code == 200
+
+
+def test_a_draft_with_faults_is_not_published(site: Site, tina: httpx.Client) -> None:
+    path = site.settings.content / "quizzes" / "2-graded.json"
+    for question, why in (({**LENGTH, "answr": 6}, "answr"), ({**LENGTH, "answer": 7}, "length.answer")):
+        path.write_text(json.dumps({**GRADED, "questions": [question]}))
+        told = words(page(tina, DRAFT))
+        assert "The folder cannot be published" in told and why in told and "Publish " not in told
+        refused = tina.post(DRAFT, data={"revision": "0" * 64})
+        assert (refused.status_code, "Nothing was published" in refused.text) == (422, True)
+    assert "length.answer" in words(page(tina, DRAFT))
+    assert tina.get(f"{DRAFT}/2-graded/length").status_code == 200
+    path.write_text("{")
+    assert tina.get(f"{DRAFT}/2-graded/length").status_code == 404
+    path.write_text(json.dumps(GRADED))
+    assert tina.post(f"{API}/content:reload").status_code == 200
+
+
+def test_a_draft_is_for_instructors(site: Site) -> None:
+    for method in ("GET", "POST"):
+        assert browser(site, "ann").request(method, DRAFT).status_code == 403
+    assert browser(site, "ann").get(f"{DRAFT}/2-graded/which").status_code == 403
+
+
+def revision_in(text: str) -> str:
+    found = re.search(r'name="revision" value="(\w{64})"', text)
+    assert found
+    return found[1]
+
+
 def test_the_chance_of_luck_is_computed_once_when_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
 
@@ -329,12 +423,12 @@ def test_the_chance_of_luck_is_computed_once_when_it_is_asked_for(monkeypatch: p
         asked.append(question.id)
         return Luck(1.0 if question.id == "rk4-step" else 1e-8, 1e-6)
 
-    monkeypatch.setattr(certificates, "estimate_luck", luck)
+    monkeypatch.setattr(keys, "estimate_luck", luck)
     monkeypatch.setattr(certificates, "lucks", certificates.Lucks())
-    library = load(ROOT)
+    library = load(Settings().content)
 
-    def exercises(**wanted: bool) -> dict[str, Any]:
-        rows = certificates.list_certificates(library, **wanted)
+    def exercises(with_luck: bool = False) -> dict[str, Any]:
+        rows = certificates.list_certificates(library, with_luck=with_luck)
         return {row["question"]: row for row in rows if row["quiz"] == "1.3-exercises"}
 
     assert {row["state"] for row in exercises().values()} == {"guessing not computed"}

@@ -294,9 +294,21 @@ def test_labs_are_accessible_and_fit_narrow_screens(servo: Locator, page: Page) 
     for width in (390, 320):
         page.set_viewport_size({"width": width, "height": 800})
         assert page.evaluate("document.documentElement.scrollWidth") <= width, width
-        stage = servo.locator(".stage").bounding_box()
-        assert stage is not None
-        assert stage["height"] <= 500
+        strips = servo.locator("svg.strips").bounding_box()
+        assert strips is not None
+        assert strips["height"] <= 400
+    page.set_viewport_size({"width": 1280, "height": 720})
+
+
+def test_on_a_phone_the_scene_and_every_slider_are_on_one_screen(servo: Locator, page: Page) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    for slider in servo.locator("input[type=range]").all():
+        slider.evaluate("node => node.scrollIntoView({ block: 'center', behavior: 'instant' })")
+        scene, box = servo.locator("canvas").bounding_box(), slider.bounding_box()
+        assert scene is not None
+        assert box is not None
+        assert scene["y"] >= 0
+        assert scene["y"] + scene["height"] <= box["y"] < 844
     page.set_viewport_size({"width": 1280, "height": 720})
 
 

@@ -1,10 +1,11 @@
 """The page of people without JavaScript: links shown once, roles, tokens; what cannot be undone is asked first."""
 
+import csv
 import re
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Locator, Page, expect
 
 from grader.courses.people.identity import Role
 from grader.courses.people.sign_in import create_sign_in_code
@@ -14,6 +15,7 @@ from support.sites import Site, open_site, write_content
 from web.browsing import Chromium
 
 PEOPLE = "/instructor/people"
+INVITE, TOKENS, AUDIT = (f"{PEOPLE}/{part}" for part in ("invitations", "tokens", "audit"))
 expect.set_options(timeout=30_000)
 
 
@@ -47,13 +49,20 @@ def asked(page: Page, row: str, name: str) -> None:
 
 
 def test_people_are_invited_promoted_and_removed_by_forms(site: Site, browser: Chromium, desk: Page) -> None:
+    desk.goto(INVITE)
     desk.get_by_label("Names, one per line").fill("Ada\n\n Bob \nCem\nDee")
     desk.get_by_role("button", name="Make links").click()
     links = dict(line.split("\t") for line in desk.get_by_label("All links").input_value().splitlines())
     assert list(links) == ["Ada", "Bob", "Cem", "Dee"]
+    with desk.expect_download() as saving:
+        desk.get_by_role("link", name="Save them as CSV").click()
+    with saving.value.path().open(newline="") as file:
+        assert list(csv.reader(file)) == [["name", "link"], *map(list, links.items())]
     desk.goto(PEOPLE)
     assert links["Ada"] not in desk.content()  # shown once
     assert desk.locator("[data-list=members] th").all_inner_texts() == ["Ada", "Bob", "Cem", "Dee", "tina"]
+    desk.goto(INVITE)
+    assert links["Ada"] not in desk.content()
     asked(desk, "Bob", "Revoke")
     expect(desk.locator("[data-list=invitations] tr")).to_have_count(3)
     guest = browser.new_context(base_url=site.origin, java_script_enabled=False).new_page()
@@ -65,38 +74,49 @@ def test_people_are_invited_promoted_and_removed_by_forms(site: Site, browser: C
 
     desk.goto(PEOPLE)
     member = desk.locator("[data-list=members] tr").filter(has_text="Ada")
+    change(member)
     member.get_by_role("button", name="New link for Ada").click()
     again = desk.get_by_label("Ada", exact=True).input_value()
     assert again != links["Ada"]
     desk.goto(PEOPLE)
+    change(member)
     member.locator("summary", has_text="Make instructor").click()
     member.get_by_role("button", name="Make instructor of Ada").click()
     expect(member).to_contain_text("instructor")
+    change(member)
     member.locator("summary", has_text="Remove").click()
     member.get_by_role("button", name="Remove from the course Ada").click()
     expect(member).to_have_count(0)
     guest.goto("/instructor")
     expect(guest.locator(".top")).not_to_contain_text("Ada")
+    desk.goto(AUDIT)
     expect(desk.locator("[data-list=audit]")).to_contain_text("member removed")
 
 
+def change(row: Locator) -> None:
+    """Unfolds what can be changed of a member."""
+    row.locator("summary", has_text="Change").click()
+
+
 def test_a_member_is_renamed_by_a_form(desk: Page) -> None:
-    desk.goto(PEOPLE)
+    desk.goto(INVITE)
     desk.get_by_label("Names, one per line").fill("Eve")
     desk.get_by_role("button", name="Make links").click()
     for typed, shown, told in (("Evelyn", "Evelyn", "tina set this name"), ("", "Evelyn", "It stays, whatever")):
         desk.goto(PEOPLE)
         row = desk.locator("[data-list=members] tr").filter(has_text=re.compile("^Eve"))
+        change(row)
         row.locator("summary", has_text="Rename").click()
         row.get_by_label("Name").fill(typed)
         row.get_by_role("button", name="Set the name").click()
         row = desk.locator("[data-list=members] tr").filter(has=desk.get_by_role("rowheader", name=shown))
+        change(row)
         row.locator("summary", has_text="Rename").click()
         expect(row.get_by_text(told)).to_be_visible()
 
 
 def test_what_is_refused_is_shown_with_what_was_typed(desk: Page) -> None:
-    desk.goto(PEOPLE)
+    desk.goto(INVITE)
     for typed, told in (("Ann\nEve\nEve", "Given twice: Eve."), ("Ann\nEve\teve@example.org", r"Eve\teve@example.org")):
         desk.get_by_label("Names, one per line").fill(typed)
         desk.get_by_role("button", name="Make links").click()
@@ -105,7 +125,7 @@ def test_what_is_refused_is_shown_with_what_was_typed(desk: Page) -> None:
 
 
 def test_tokens_and_the_course_link_are_made_shown_and_ended_by_forms(site: Site, desk: Page) -> None:
-    desk.goto(PEOPLE)
+    desk.goto(TOKENS)
     desk.get_by_text("Create a token").click()
     desk.get_by_label("User", exact=True).fill("nightly")
     desk.locator("#token-role").select_option("service")
@@ -115,17 +135,17 @@ def test_tokens_and_the_course_link_are_made_shown_and_ended_by_forms(site: Site
     expect(desk.get_by_role("alert")).to_contain_text("The course has no user nightly")
     expect(desk.get_by_label("User", exact=True)).to_have_value("nightly")
     expect(desk.locator("[data-list=tokens]")).to_have_text("None.")
-    expect(desk.locator("[data-list=members]")).not_to_contain_text("nightly")
     desk.get_by_role("button", name="Create the user and the token").click()
     token = desk.get_by_label("nightly").input_value()
     headers = {"Authorization": f"Bearer {token}"}
     assert site.anonymous(headers).get("/api/v1/results").status_code == 200
-    desk.goto(PEOPLE)
+    desk.goto(TOKENS)
     assert token not in desk.content()
     asked(desk, "nightly", "Revoke")
     expect(desk.locator("[data-list=tokens]")).to_have_text("None.")
     assert site.anonymous(headers).get("/api/v1/results").status_code == 401
 
+    desk.goto(INVITE)
     desk.get_by_role("button", name="Make a course link").click()
     first = desk.get_by_label("Course link", exact=True).input_value()
     desk.locator("summary", has_text="Make a new link").click()
@@ -160,7 +180,7 @@ def test_a_course_is_made_and_entered_by_forms(desk: Page) -> None:
     desk.get_by_role("button", name="Switch to robots").click()
     expect(desk.locator(".brand")).to_have_text("robots")
     expect(desk).to_have_url(re.compile("/instructor$"))
-    desk.goto(PEOPLE)
+    desk.goto(INVITE)
     desk.get_by_label("Names, one per line").fill("mia")
     desk.get_by_label("Role").first.select_option("instructor")
     desk.get_by_role("button", name="Make links").click()

@@ -45,6 +45,8 @@ def test_the_stability_map_comes_first_and_names_the_mistake() -> None:
     stability, motion = figures("spring")
     assert stability.title == "Your limit is the spring's alone: the damper is missing"
     assert "limit 19.98\u202fms" in stability.pictures
+    assert "tinted is stable for ever" in stability.caption
+    assert "A run of 3\u202fs may still look stable a little above its limit" in stability.caption
     assert "2/ω = 22.34\u202fms: the spring alone" in stability.pictures
     assert stability.table[1] == (
         "Euler", "22.05 to 22.44\u202fms", "unstable", "unstable", "19.98\u202fms", "20.12\u202fms"
@@ -74,7 +76,7 @@ def test_the_label_of_a_limit_keeps_clear_of_the_bound() -> None:
 @pytest.mark.slow
 def test_a_right_claim_is_magnified() -> None:
     stability, _ = figures("right")
-    assert stability.title == "Here your brackets meet every limit"
+    assert stability.title == "Each of your brackets agrees with its limit"
     assert "Euler, magnified" in stability.pictures
     assert "within 3\u202fs 20.12\u202fms" in stability.pictures
     assert "magnified" not in figures("spring")[0].pictures

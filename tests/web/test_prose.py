@@ -8,15 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grader.domain.markup import plain_text
-from grader.web.text.prose import (
+from grader.domain.prose import (
     HTML_ATTRIBUTES,
     HTML_TAGS,
     MATHML_ATTRIBUTES,
     MATHML_TAGS,
-    TAGS_MAX,
-    TEX_BUDGET,
-    safe_html,
 )
+from grader.web.text.prose import TAGS_MAX, TEX_BUDGET, safe_html
 
 
 class Tags(HTMLParser):

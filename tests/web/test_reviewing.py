@@ -18,7 +18,7 @@ from web.browsing import Chromium, service
 
 ITEMS = [
     {"id": "a", "title": "Names the damping", "points": 3, "group": "Physics"},
-    {"id": "b", "title": "Compares with the bound", "points": 1},
+    {"id": "b", "title": "Compares with $2/\\omega$", "points": 1},
 ]
 QUIZ = {
     "id": "essay",
@@ -88,6 +88,8 @@ def test_two_reviewers_mark_by_keyboard_and_a_third_decision_settles(
     form = tina.get_by_role("form", name="Review")
     expect(form).to_contain_text("Yours until")
     expect(form).to_contain_text("Physics")
+    expect(form.locator("math")).to_have_count(1)
+    expect(form).not_to_contain_text("$")
     expect(form.get_by_label("Points")).to_have_attribute("placeholder", "0")  # by the script, which now listens
     tina.keyboard.press("1")
     expect(form.get_by_label("Names the damping")).to_be_checked()
@@ -182,7 +184,7 @@ def test_without_javascript_answers_are_claimed_decided_and_followed_by_the_next
     expect(form.locator("option", has_text="See the bound")).to_have_count(0)
     form.get_by_role("button", name="Decide and next").click()
     expect(una.locator("[data-one] pre").first).to_have_text("dee says.")
-    expect(una.get_by_role("status").first).to_contain_text("Decided")
+    expect(una.get_by_role("status").first).to_contain_text("Decided. The learner can see it now.")
     form.get_by_label("Points").fill("1.5")
     form.get_by_label("Points").press("Enter")
     expect(una.get_by_role("status")).to_contain_text("Nothing else waits")

@@ -227,6 +227,29 @@ def test_a_session_that_ends_in_the_middle_of_an_answer_loses_nothing(visit: Vis
     expect(card.get_by_role("textbox")).to_have_value("Half a sentence")
 
 
+def test_after_the_end_of_a_session_a_reload_offers_the_drafts_of_before(visit: Visit) -> None:
+    begin(visit)
+    text = visit.card("1.3-check", "q4").get_by_role("textbox")
+    text.fill("Half a sentence")
+    visit.page.goto(SERVO)
+    visit.page.locator("textarea.code").fill("# half a script")
+    visit.context.clear_cookies()
+    visit.page.reload()
+    expect(visit.page.locator("[data-draft]")).to_contain_text(
+        "Your session has ended; a draft is kept in this browser."
+    )
+    expect(visit.page.locator("textarea.code")).not_to_have_value(
+        "# half a script"
+    )  # the starter, until it is asked for
+    visit.page.get_by_role("button", name="Show it").click()
+    expect(visit.page.locator("textarea.code")).to_have_value("# half a script")
+    visit.page.goto("/")
+    expect(text).to_have_value("")
+    visit.card("1.3-check", "q4").get_by_role("button", name="Show it").click()
+    expect(text).to_have_value("Half a sentence")
+    expect(visit.card("1.3-check", "q2").locator("[data-draft]")).to_have_count(0)
+
+
 def test_a_script_is_judged_while_the_page_watches(visit: Visit) -> None:
     visit.page.goto(SERVO)
     visit.hand_in("servo-threshold", "crashed__no_such_function.py")
@@ -300,8 +323,13 @@ def test_a_page_that_was_asked_for_earlier_and_comes_later_is_dropped(visit: Vis
 NUMBERS = "document.querySelector('[data-gutter]').textContent.split('\\n').length"
 
 
-def test_the_lines_of_the_code_are_numbered_and_a_named_one_is_found(visit: Visit) -> None:
+@pytest.mark.parametrize("with_editor", [True, False])
+def test_the_lines_of_the_code_are_numbered_and_a_named_one_is_found(visit: Visit, *, with_editor: bool) -> None:
+    if not with_editor:
+        visit.page.route("**/vendor/*", lambda route: route.fulfill(content_type="text/javascript", body=""))
     visit.page.goto(SERVO)
+    if with_editor:
+        visit.page.locator(".code-editor").wait_for()
     code, gutter = visit.page.locator("textarea.code"), visit.page.locator("[data-gutter]")
     code.fill("\n" * 59 + "x = 1\nraise ValueError('no')\n" + "\n" * 60)
     assert visit.page.evaluate(NUMBERS) == 122
@@ -309,6 +337,12 @@ def test_the_lines_of_the_code_are_numbered_and_a_named_one_is_found(visit: Visi
     expect(gutter).to_have_js_property("scrollTop", 200)
     visit.page.get_by_role("button", name="Run and judge").click()
     visit.page.get_by_role("link", name="line 61").click()
+    if with_editor:
+        expect(visit.page.get_by_role("textbox", name="code")).to_be_focused()
+        visit.page.keyboard.press("End")
+        visit.page.keyboard.type("#")
+        expect(code).to_have_value(re.compile(r"ValueError\('no'\)#"))
+        return
     assert code.evaluate("area => area.value.slice(area.selectionStart).split('\\n')[0]") == "raise ValueError('no')"
     expect(code).to_be_focused()
     top = gutter.evaluate("one => one.scrollTop")

@@ -57,13 +57,13 @@ QUIZ = Quiz.model_validate(
 
 
 def test_nothing_kept_back_is_in_the_view() -> None:
-    text = json.dumps(student_view(QUIZ))
+    text = json.dumps(student_view(QUIZ, QUIZ.default_policy))
     for kept in (SECRET, "73313", "0.0421", "answer", "explain", "reference", "verify", "tol", "check", "expr"):
         assert kept not in text
 
 
 def test_what_a_page_needs_is_in_the_view() -> None:
-    view = student_view(QUIZ)
+    view = student_view(QUIZ, QUIZ.default_policy)
     assert [q["id"] for q in view["questions"]] == ["q1", "q2", "q3", "q4", "q5"]
     assert view["questions"][1]["unit"] == "ms"
     assert view["questions"][4]["limits"]["memory_mb"] == 512
@@ -75,7 +75,7 @@ def test_what_a_page_needs_is_in_the_view() -> None:
 
 def test_the_lab_of_a_prediction_is_only_announced() -> None:
     question = QUIZ.questions[2]
-    view = student_view(QUIZ)["questions"][2]
+    view = student_view(QUIZ, QUIZ.default_policy)["questions"][2]
     assert view["has_lab"] is True
     assert "controls" not in json.dumps(view)
     lab = kind_of(question).lab(question)

@@ -8,7 +8,7 @@ import pytest
 from grader.domain.verdict import Status
 from grader.web.frame.rendering import templates
 from grader.web.text.statuses import STATUSES, describe_status
-from grader.web.verdict.card import Card, build_card, build_matrix, describe_value, extract_lines, link_lines
+from grader.web.verdict.card import Card, build_card, build_matrix, describe_value, link_lines
 from grader.web.verdict.work import Given
 from web.evidence import threshold_verdict
 
@@ -68,7 +68,8 @@ def test_hidden_cases_that_fail_alike_are_one_line() -> None:
 def test_a_syntax_error_is_shown_at_its_line() -> None:
     told = "SyntaxError: expected ':' (line 2: def f())"
     shown = card({"status": "crashed", "diagnosis": told}, source="import mujoco\ndef f()\n    pass")
-    assert [line.text for line in shown.excerpt if line.hot] == ["def f()"]
+    assert shown.script is not None
+    assert [line.text for line in shown.script.hot] == ["def f()"]
 
 
 def test_what_passed_is_folded() -> None:
@@ -112,16 +113,8 @@ def test_a_note_names_its_cases_where_others_of_the_column_failed_otherwise() ->
 def test_cases_that_fail_alike_in_all_columns_are_named_once_and_the_diagnosis_is_not_said_again() -> None:
     seen = [finding(f"seen, {column}", False, "TypeError: no f.") for column in "xy"]
     hidden = [finding(f"hidden case {n}, {column}", False, "TypeError.") for n in (1, 2, 3) for column in "xy"]
-    shown = card({"status": "crashed", "findings": [*seen, *hidden], "diagnosis": "seen, x: TypeError: no f."})
+    shown = card({"status": "incorrect", "findings": [*seen, *hidden], "diagnosis": "seen, x: TypeError: no f."})
     assert shown.notes == ("Hidden cases 1 to 3: TypeError.",)
-
-
-def test_the_line_that_raised_is_shown_with_its_neighbours() -> None:
-    source = "\n".join(f"line {number}" for number in range(1, 9))
-    lines = extract_lines(source, "ValueError: no, in line 7 of your script.")
-    assert [(line.number, line.hot) for line in lines] == [(5, False), (6, False), (7, True), (8, False)]
-    assert extract_lines(source, "in line 99 of your script") == ()
-    assert extract_lines(source, "It ends.") == ()
 
 
 def test_a_line_that_is_named_leads_to_the_editor_where_its_script_is_there() -> None:
@@ -173,3 +166,19 @@ def test_what_a_script_says_of_itself_is_text() -> None:
     page = rendered(card(told | {"findings": [finding(hostile, False, hostile, measured=hostile)]}, source=hostile))
     assert "<script>" not in page
     assert page.count("&lt;script&gt;") >= 5
+
+
+def test_a_script_that_ended_in_every_case_has_one_line_and_no_matrix() -> None:
+    said = "Rename largest_timestep to largest_stable_timestep: the grader calls largest_stable_timestep."
+    titles = [f"{case}, {column}" for case in ("seen", "hidden case 1") for column in ("Euler", "RK4")]
+    shown = card({"status": "crashed", "diagnosis": said, "findings": [finding(one, False, said) for one in titles]})
+    assert (shown.diagnosis, shown.columns, shown.rows, shown.cells) == (said, (), (), ())
+    assert shown.notes == ("None of the 4 cases ran to its end.",)
+    alone = card({"status": "crashed", "diagnosis": said, "findings": []})
+    assert alone.notes == ()
+
+
+def test_a_right_script_has_its_remark() -> None:
+    remark = "All 21 cases hold, the 18 hidden ones too."
+    assert card({"status": "correct", "remark": remark, "findings": [finding("a", True)]}).diagnosis == remark
+    assert card({"status": "correct", "findings": [finding("a", True)]}).diagnosis == ""

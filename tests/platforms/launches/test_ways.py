@@ -209,6 +209,20 @@ def test_an_instructor_chooses_quizzes_and_questions(pair: Joined) -> None:
     assert chosen(pair, browser, page, ["small"]).status_code == 401  # once
 
 
+def test_a_link_has_the_dates_that_the_course_has_set(pair: Joined) -> None:
+    dates = {"opens": "2020-01-01T00:00Z", "due": "2190-01-01T00:00Z"}
+    late = {"until": "2191-01-01T00:00Z", "per_day": 0.5}
+    teacher = pair.site.client("tina", "instructor", pair.course)
+    rules = teacher.put("/api/v1/quizzes/small/policy", json={**dates, "late": late}, headers={"If-Match": "*"})
+    assert rules.status_code == 200, rules.text
+    browser = pair.browser()
+    sent = chosen(pair, browser, select(pair, browser), ["small"])
+    [item] = pair.platform.read_selection(fields_of(sent.text)["JWT"], pair.platform.tool_keys)[ITEMS]
+    opens = "2020-01-01T00:00:00+00:00"
+    assert item["submission"] == {"startDateTime": opens, "endDateTime": "2190-01-01T00:00:00+00:00"}
+    assert item["available"] == {"startDateTime": opens, "endDateTime": "2191-01-01T00:00:00+00:00"}
+
+
 @pytest.mark.slow
 def test_a_platform_gets_what_it_takes(pair: Joined) -> None:
     browser = pair.browser()

@@ -1,6 +1,6 @@
 # mistake: a hinge is looked up in qpos and qvel by its joint number j instead of jnt_qposadr[j] and jnt_dofadr[j]
 # status: partial
-# told: The position of a hinge or slide never changes, although its velocity does: after a
+# told: The position of a hinge or slide never changes, although its velocity does: move those as well, at model.jnt_qposadr
 # told from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import math
 

@@ -1,7 +1,7 @@
 # mistake: The joint of a velocity is looked up with the number of the velocity in an array that has one entry for each joint, so a list runs out.
 # next: Loop over joints, and use model.jnt_qposadr and model.jnt_dofadr for their places.
 # status: crashed
-# told: a free body on an off-centre spring, 250 steps of 2 ms: IndexError: list index out of
+# told: IndexError: list index out of
 import mujoco
 import numpy as np
 

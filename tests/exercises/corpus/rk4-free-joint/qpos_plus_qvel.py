@@ -1,7 +1,7 @@
 # mistake: qpos and qvel are added, although qpos is longer than qvel where there are quaternions.
 # next: Move positions with mujoco.mj_integratePos.
 # status: crashed
-# told: a free body on an off-centre spring, 250 steps of 2 ms: ValueError: operands could not be
+# told: ValueError: operands could not be
 import mujoco
 import numpy as np
 

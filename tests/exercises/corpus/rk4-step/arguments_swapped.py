@@ -1,7 +1,7 @@
 # mistake: The function takes (data, model) although it is called with (model, data).
 # next: Write def rk4_step(model, data).
 # status: crashed
-# told: double pendulum, 500 steps of 2 ms: AttributeError: 'mujoco._structs.MjData' object has
+# told: AttributeError: 'mujoco._structs.MjData' object has
 import mujoco
 
 

@@ -1,7 +1,7 @@
 # mistake: Friction of the student's own is subtracted from data.qacc; mj_forward has counted all the model has.
 # next: Take data.qacc as it is.
 # status: incorrect
-# told: The velocities in your stage 2 do not follow from data.qacc, as mj_forward left it in
+# told: Your accelerations are data.qacc minus 1/10 times the velocity
 import mujoco
 
 

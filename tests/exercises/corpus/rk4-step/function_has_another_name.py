@@ -1,7 +1,7 @@
 # mistake: The function is called runge_kutta_step, not rk4_step.
 # next: Name it rk4_step.
 # status: crashed
-# told: double pendulum, 500 steps of 2 ms: TypeError: the script defines no function rk4_step;
+# told: Rename runge_kutta_step to rk4_step: the grader calls rk4_step.
 import mujoco
 
 

@@ -1,7 +1,7 @@
 # mistake: mj_forward is not called for the fourth stage, so k4 uses the acceleration of the third.
 # next: Call mj_forward after setting the state of every stage.
 # status: incorrect
-# told: Your fourth stage is never evaluated: k3 is used
+# told: In your stage 4 mj_forward is not called: data.qacc is still that of stage 3
 import mujoco
 
 

@@ -1,7 +1,7 @@
 # mistake: One MjData is used for all runs and its warning counter is summed up without being reset, so after the first unstable run all seem unstable.
 # next: Reset the count for each run, or make a new MjData.
 # status: incorrect
-# told: You use one data for every timestep and never reset
+# told: You use one data for every timestep and never call mujoco.mj_resetData
 import mujoco
 
 total = 0

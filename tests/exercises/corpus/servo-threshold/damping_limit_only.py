@@ -1,7 +1,7 @@
 # mistake: It returns the damping limit 2 I / kv of the lesson, which ignores the spring.
 # next: Simulate the given model and bisect: spring and damper act together.
 # status: incorrect
-# told: Your function returned None without a single
+# told: You reported the damping bound 2*I/kv, which ignores the spring
 import mujoco
 
 

@@ -1,7 +1,7 @@
 # mistake: None is returned for implicitfast without a measurement, as if implicit meant stable everywhere.
 # next: Measure implicitfast as well: its spring is explicit.
 # status: partial
-# told: Your function returned None without a single
+# told: Under implicitfast your function returned None without a single step
 import mujoco
 
 

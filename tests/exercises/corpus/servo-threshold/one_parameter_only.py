@@ -1,7 +1,7 @@
 # mistake: The function takes the model alone, although it is called with the model and the integrator.
 # next: Write def largest_stable_timestep(model, integrator).
 # status: crashed
-# told: kp = 2000, kv = 5, Euler: TypeError: largest_stable_timestep() takes 1 positional
+# told: TypeError: largest_stable_timestep() takes 1 positional
 import mujoco
 
 

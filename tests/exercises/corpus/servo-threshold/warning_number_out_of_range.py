@@ -1,7 +1,7 @@
 # mistake: The loop over warnings runs up to a number that does not exist, which is an IndexError in a helper function.
 # next: Use names such as mujoco.mjtWarning.mjWARN_BADQACC, or loop over data.warning itself.
 # status: crashed
-# told: kp = 2000, kv = 5, Euler: IndexError, in line 12 of your
+# told: IndexError, in line 12 of your
 import mujoco
 
 N_WARNINGS = 10

@@ -1,7 +1,7 @@
 # mistake: The width 0.5 is meant in milliseconds but compared with seconds, so the bisection stops before it begins.
 # next: Compare with 0.0005 s.
 # status: incorrect
-# told: Your brackets hold the limit but are too wide: go on halving until they are no wider than
+# told: You return the whole range of the search, 1 and 50 ms: no timestep between them was tried
 import mujoco
 
 TOLERANCE = 0.5  # ms

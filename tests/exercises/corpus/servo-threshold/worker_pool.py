@@ -1,7 +1,7 @@
 # mistake: The search starts processes of its own with multiprocessing, which the grader does not allow.
 # next: Run the simulations one after the other in the function itself.
 # status: forbidden
-# told: FileNotFoundError: [Errno 2] No such file or directory, in line 26 of your
+# told: Do without other processes, in line 26 of your script: none can be started here
 from multiprocessing import Pool
 
 import mujoco

@@ -1,7 +1,7 @@
 # mistake: The function opens models/pendulum.xml relative to the student's own folder instead of using the model that is given.
 # next: Use the parameter `model`; it is compiled already.
 # status: crashed
-# told: kp = 2000, kv = 5, Euler: FileNotFoundError: [Errno 2] No such file or directory:
+# told: FileNotFoundError: [Errno 2] No such file or directory:
 import mujoco
 
 

@@ -1,0 +1,36 @@
+# mistake: MuJoCo raises no Python exception when unstable; it only warns.
+# next: Look at data.warning after the run.
+# status: incorrect
+# told: At 50 ms MuJoCo raised BADQACC and reset the state, and your answer calls that timestep
+import mujoco
+from mjcourse import model_path
+
+SHORTEST, LONGEST = 0.001, 0.050
+WIDTH = 0.0005
+SECONDS = 3.0
+
+
+def is_stable(model, integrator, timestep):
+    model.opt.integrator = integrator
+    model.opt.timestep = timestep
+    data = mujoco.MjData(model)
+    data.qpos[0] = 1.0
+    for _ in range(round(SECONDS / timestep)):
+        try:
+            mujoco.mj_step(model, data)
+        except Exception:
+            return False
+    return True
+
+
+def largest_stable_timestep(model, integrator):
+    if is_stable(model, integrator, LONGEST):
+        return None
+    low, high = SHORTEST, LONGEST
+    while high - low > WIDTH:
+        mid = (low + high) / 2
+        if is_stable(model, integrator, mid):
+            low = mid
+        else:
+            high = mid
+    return low, high

@@ -1,0 +1,152 @@
+"""Controllers in closed loop, through the real jail: every reference program gets its status and its diagnosis, and no
+cheat finds what is hidden."""
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grader.domain.verdict import Status, Verdict
+from grader.exercises import plan_exercise
+from grader.grading.checking import read_demand
+from grader.grading.pipeline import Pipeline
+from grader.library import load
+from grader.questions.kinds.script import ScriptQuestion
+from grader.sandbox.jail import Jail
+from support.sites import ROOT
+
+pytestmark = [pytest.mark.jail, pytest.mark.slow]
+
+QUIZ = "3.1-exercises"
+PROGRAMS = sorted((ROOT / "reference_solutions" / QUIZ).glob("*/*.py"))
+CHEATS = sorted((Path(__file__).parent / "controller_cheats").glob("*.py"))
+SEED = 7
+
+
+@pytest.fixture(scope="module")
+def pipeline() -> Iterator[Pipeline]:
+    library = load(ROOT)
+    with Jail(library.root / "models", workers=2, allow_t2=True) as jail:
+        yield Pipeline(library, jail.run)
+
+
+def grade(pipeline: Pipeline, question: str, source: str, seed: int = SEED) -> Verdict:
+    return pipeline.grade(QUIZ, question, {"source": source}, seed)
+
+
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_a_program_is_judged_and_named_as_expected(path: Path, pipeline: Pipeline) -> None:
+    source = path.read_text()
+    status, diagnosis = read_demand(source, path.stem.partition("__")[0])
+    verdict = grade(pipeline, path.parent.name, source)
+    assert verdict.status == status, verdict.diagnosis
+    assert (diagnosis or "") in (verdict.diagnosis or "")
+
+
+def test_there_are_enough_of_them() -> None:
+    statuses = Counter(path.stem.partition("__")[0] for path in PROGRAMS)
+    assert set(statuses) <= set(Status)
+    assert statuses["correct"] >= 9
+    assert statuses.total() - statuses["correct"] >= 25
+
+
+@pytest.mark.parametrize("name", ["servo-arm", "cart-pole", "altitude"])
+def test_the_starter_runs_and_earns_nothing(name: str, pipeline: Pipeline) -> None:
+    starter = (ROOT / "quizzes" / "starters" / f"{name.replace('-', '_')}.py").read_text()
+    verdict = grade(pipeline, name, starter)
+    assert (verdict.status, verdict.points) == (Status.INCORRECT, 0)
+    assert verdict.diagnosis
+
+
+def find_question(pipeline: Pipeline, name: str) -> ScriptQuestion:
+    question = pipeline.library.question(QUIZ, name)
+    assert isinstance(question, ScriptQuestion)
+    return question
+
+
+def test_nothing_hidden_is_among_what_enters_the_jail(pipeline: Pipeline) -> None:
+    plan = plan_exercise(find_question(pipeline, "altitude"), pipeline.library.model_xml, SEED)
+    for trial in plan.trials:
+        assert trial.inputs["model"] == pipeline.library.model_xml("altitude")
+        assert set(trial.inputs) == {"model", "form", "nu", "entry"}
+    masses = [episode.scene.model.body_mass[1] for trial in plan.trials for episode in trial.problem.episodes]
+    assert len(set(masses)) > 10
+
+
+@pytest.mark.parametrize("path", CHEATS, ids=lambda path: path.stem)
+def test_a_cheat_earns_nothing(path: Path, pipeline: Pipeline) -> None:
+    verdict = grade(pipeline, "altitude", path.read_text())
+    assert verdict.points == 0, verdict.diagnosis
+    assert verdict.status in (Status.INCORRECT, Status.CRASHED, Status.TIMED_OUT)
+
+
+FRAMES = """
+import re, sys
+
+def make(model):
+    frame, mass = sys._getframe(), 0.0
+    while frame is not None:
+        for value in list(frame.f_locals.values()):
+            if isinstance(value, dict) and "model" in value:
+                mass = float(re.search(r'name="drone".*?mass="([0-9.]+)"', value["model"], re.S)[1])
+        frame = frame.f_back
+    return lambda t, seen: 9.81 * mass + 6 * (seen[2] - seen[0]) - 6 * seen[1]
+"""
+
+
+def test_the_frames_of_the_driver_hold_the_public_model_alone(pipeline: Pipeline) -> None:
+    """The script finds a mass: that of the model that it gets, not one of those that are simulated."""
+    verdict = grade(pipeline, "altitude", FRAMES)
+    assert (verdict.status, verdict.points) == (Status.PARTIAL, 1), verdict.diagnosis
+    reached = {finding.title.partition(":")[0] for finding in verdict.findings if finding.passed}
+    assert reached == {"without a load, to 1 m"}
+
+
+def test_no_number_of_a_hidden_episode_is_printed_or_told(pipeline: Pipeline) -> None:
+    source = (
+        "def make(model):\n    def act(t, seen):\n        print('target', seen[2])\n"
+        "        if seen[2] not in (1.0, 5.0):\n            raise ValueError(f'target {seen[2]}')\n"
+        "        return 9.81\n    return act\n"
+    )
+    verdict = grade(pipeline, "altitude", source)
+    assert set(verdict.stdout.split("\n")) <= {"target 1.0", "target 5.0", ""}
+    hidden = [finding.message for finding in verdict.findings if "hidden" in finding.title]
+    assert hidden[0] == "ValueError, in line 5 of your script."
+    assert all(finding.measured is None for finding in verdict.findings if "hidden" in finding.title)
+
+
+def test_a_hang_in_a_hidden_episode_tells_no_moment(pipeline: Pipeline) -> None:
+    source = (
+        "def make(model):\n    def act(t, seen):\n        while seen[2] not in (1.0, 5.0):\n            pass\n"
+        "        return 9.81\n    return act\n"
+    )
+    verdict = grade(pipeline, "altitude", source)
+    assert verdict.status is Status.TIMED_OUT
+    assert "It was in hidden case 1." in (verdict.diagnosis or "")
+
+
+def test_the_noise_and_the_numbers_repeat_with_the_seed(pipeline: Pipeline) -> None:
+    source = "def make(model):\n    return lambda t, seen: 9.81 + 12 * (seen[2] - seen[0]) - 8 * seen[1]\n"
+    first, second = (grade(pipeline, "altitude", source) for _ in range(2))
+    assert first.findings == second.findings
+    measured = [finding.measured for finding in first.findings if finding.measured is not None]
+    assert np.isfinite(measured).all()
+    assert len(measured) == 6
+
+
+def test_an_exception_loses_its_own_episode_alone(pipeline: Pipeline) -> None:
+    """Nine of ten are enough: one that raises is forgiven, and the program is right."""
+    good = (ROOT / "reference_solutions" / QUIZ / "altitude" / "correct__weighs_the_load.py").read_text()
+    assert good.count("def make(model):\n") == 1
+    counting = "COUNT = [0]\n\n\ndef make(model):\n    COUNT[0] += 1\n    if COUNT[0] == 6:\n        raise ValueError\n"
+    once = good.replace("def make(model):\n", counting)
+    verdict = grade(pipeline, "altitude", once)
+    assert verdict.status is Status.CORRECT, verdict.diagnosis
+
+
+def test_a_visible_case_has_charts(pipeline: Pipeline) -> None:
+    source = "def make(model):\n    return lambda t, seen: 9.81\n"
+    charts = grade(pipeline, "altitude", source).evidence["charts"]
+    assert [chart["case"] for chart in charts] == ["empty", "empty", "load", "load"]

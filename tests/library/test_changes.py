@@ -1,0 +1,99 @@
+"""What a content folder changes, question by question."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from grader.library import load
+from grader.library.changes import ADDED, CHANGED, REMOVED, Change, list_changes
+
+XML = "<mujoco><worldbody><body><joint name='{}'/><geom size='.1'/></body></worldbody></mujoco>"
+NUMBER: dict[str, Any] = {"kind": "numeric", "id": "n", "q": "How much?", "answer": 1.0}
+CHOICE: dict[str, Any] = {"kind": "mcq", "id": "c", "q": "Which?", "options": ["a", "b"], "answer": 0}
+LAB: dict[str, Any] = {"id": "l", "model": "one", "readouts": [{"label": "t", "expr": "data.time"}]}
+QUIZ: dict[str, Any] = {"id": "a", "title": "A", "questions": [NUMBER, CHOICE], "labs": [LAB]}
+SCRIPT: dict[str, Any] = {
+    "kind": "code", "id": "s", "q": "Write it.", "entry": "f", "starter": "quizzes/s.py",
+    "check": {"kind": "rk4", "cases": [{"id": "a", "model": "one", "steps": 2, "timestep_s": 0.01}]},
+}  # fmt: skip
+
+Write = Callable[..., Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Writes a folder of quizzes, each a JSON object."""
+
+    def write(name: str, *quizzes: dict[str, Any], joint: str = "j", starter: str = "") -> Path:
+        folder = tmp_path / name
+        for place in ("quizzes", "models"):
+            (folder / place).mkdir(parents=True)
+        (folder / "models/one.xml").write_text(XML.format(joint))
+        (folder / "quizzes/s.py").write_text(starter or "def f(): ...\n")
+        for quiz in quizzes:
+            (folder / f"quizzes/{quiz['id']}.json").write_text(json.dumps(quiz))
+        return folder
+
+    return write
+
+
+def test_the_same_files_change_nothing(write: Write) -> None:
+    assert list_changes(load(write("one", QUIZ)), load(write("two", QUIZ))) == []
+
+
+def test_quizzes_questions_and_labs_come_change_and_go(write: Write) -> None:
+    before = load(write("one", QUIZ, {**QUIZ, "id": "gone"}))
+    changed = {**NUMBER, "answer": 2.0, "q": "How many?"}
+    after = load(
+        write("two", {**QUIZ, "title": "B", "questions": [changed, {**CHOICE, "id": "d"}], "labs": []},
+              {**QUIZ, "id": "new"})
+    )  # fmt: skip
+    assert list_changes(before, after) == [
+        Change("a", "", CHANGED, ("title",)),
+        Change("a", "n", CHANGED, ("q", "answer")),
+        Change("a", "d", ADDED),
+        Change("a", "c", REMOVED),
+        Change("a", "l", REMOVED, is_question=False),
+        Change("new", "", ADDED),
+        Change("gone", "", REMOVED),
+    ]
+
+
+def test_another_order_is_a_change_of_the_quiz(write: Write) -> None:
+    changes = list_changes(load(write("one", QUIZ)), load(write("two", {**QUIZ, "questions": [CHOICE, NUMBER]})))
+    assert changes == [Change("a", "", CHANGED, ("order of the questions",))]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "is_silent"),
+    [("explain", "So.", True), ("q", "How many?", True), ("tol", 0.5, False), ("answer", 2.0, False),
+     ("points", 2.0, False), ("unit", "s", False)],
+)  # fmt: skip
+def test_a_change_of_texts_alone_alters_no_verdict(write: Write, key: str, value: object, *, is_silent: bool) -> None:
+    after = load(write("two", {**QUIZ, "questions": [{**NUMBER, key: value}, CHOICE]}))
+    (change,) = list_changes(load(write("one", QUIZ)), after)
+    assert (change.keys, change.is_silent) == ((key,), is_silent)
+
+
+def test_models_and_starters_belong_to_the_questions_that_name_them(write: Write) -> None:
+    quiz = {**QUIZ, "questions": [NUMBER, SCRIPT]}
+    before = load(write("one", quiz))
+    assert list_changes(before, load(write("two", quiz, joint="k"))) == [
+        Change("a", "s", CHANGED, ("models",)),
+        Change("a", "l", CHANGED, ("models",), is_question=False),
+    ]
+    (change,) = list_changes(before, load(write("three", quiz, starter="def f(): pass\n")))
+    assert (change.part, change.keys, change.is_silent) == ("s", ("starter",), True)
+
+
+def test_the_texts_of_lessons_come_change_and_go(write: Write) -> None:
+    folders = {name: write(name, {**QUIZ, "id": "2-a"}) for name in ("without", "with", "other")}
+    for name, text in {"with": "# Two\n\nFalling.\n", "other": "# Two\n\nRising.\n"}.items():
+        (folders[name] / "lessons").mkdir()
+        (folders[name] / "lessons/2.md").write_text(text)
+    without, with_text, other = map(load, folders.values())
+    for before, after, how in ((without, with_text, ADDED), (with_text, other, CHANGED), (other, without, REMOVED)):
+        assert list_changes(before, after) == [Change("", "", how, lesson="2")]

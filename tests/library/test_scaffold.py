@@ -1,0 +1,78 @@
+"""Content that `grader new` begins can be loaded, and its keys hold."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from grader.certify.keys import find_refused_keys
+from grader.library import load
+from grader.library.scaffold import SCHEMA, list_scripts, list_shipped
+from grader.questions import installed_kinds
+from support.command_line import grader
+
+EXERCISES = sorted({sample.question["check"]["kind"] for sample in (*list_scripts(), *list_shipped())})
+
+
+@pytest.fixture
+def course(tmp_path: Path) -> Path:
+    folder = tmp_path / "mechanics"
+    done = grader("new", "course", str(folder))
+    assert done.returncode == 0
+    assert done.stdout.split() == [str(folder / SCHEMA), str(folder / "quizzes" / "1.1-check.json")]
+    return folder
+
+
+def list_ids(course: Path) -> list[str]:
+    library = load(course)
+    assert list(find_refused_keys(library, library.quizzes)) == []
+    return [question.id for question in library.quiz("1.1-check").questions]
+
+
+def test_a_new_course_has_a_question(course: Path) -> None:
+    assert list_ids(course) == ["mcq"]
+    quiz = json.loads((course / "quizzes" / "1.1-check.json").read_text())
+    assert (course / "quizzes" / quiz["$schema"]).resolve() == course / SCHEMA
+
+
+def test_every_kind_of_question_can_be_added_twice(course: Path) -> None:
+    for kind in installed_kinds():
+        for _ in range(2):
+            assert grader("new", "question", kind, "1.1-check", "--in", str(course)).returncode == 0, kind
+    ids = list_ids(course)
+    assert {*installed_kinds()} <= {*ids}
+    assert len(ids) == len({*ids}) == 1 + 2 * len(installed_kinds())
+
+
+@pytest.mark.parametrize("kind", EXERCISES)
+def test_an_exercise_comes_with_a_reference_program(course: Path, kind: str) -> None:
+    assert grader("new", "exercise", kind, "1.1-check", "--in", str(course)).returncode == 0
+    _, id_ = list_ids(course)
+    assert (course / "reference_solutions" / "1.1-check" / id_ / "correct__example.py").is_file()
+
+
+def test_a_lesson_is_added(course: Path) -> None:
+    assert grader("new", "lesson", "2.1-check", "--title", "Contact", "--in", str(course)).returncode == 0
+    assert load(course).quiz("2.1-check").title == "Contact"
+
+
+def test_what_is_there_stays(course: Path) -> None:
+    model = course / "models" / "pendulum_servo.xml"
+    model.parent.mkdir()
+    model.write_text("<mujoco/>")
+    before = (course / "quizzes" / "1.1-check.json").read_text()
+    for told, *arguments in (
+        ("name a new folder", "course", str(course)),
+        ("1.1-check.json is there already", "lesson", "1.1-check", "--in", str(course)),
+        ("is no id", "lesson", "a lesson", "--in", str(course)),
+        ("There is no quiz '9.9'", "question", "mcq", "9.9", "--in", str(course)),
+        ("no kind of question 'quiz'", "question", "quiz", "1.1-check", "--in", str(course)),
+        ("there are examples of", "exercise", "quiz", "1.1-check", "--in", str(course)),
+        ("rename it first", "exercise", "threshold", "1.1-check", "--in", str(course)),
+    ):
+        done = grader("new", *arguments)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert told in done.stderr
+    assert (course / "quizzes" / "1.1-check.json").read_text() == before
+    (course / "quizzes" / "2.1.json").write_text("{")
+    assert "2.1.json" in grader("new", "question", "mcq", "2.1", "--in", str(course)).stderr

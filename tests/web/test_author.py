@@ -1,0 +1,159 @@
+"""The author's desk: a question's source, its preview, what the check says, and saving without overwriting."""
+
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+
+from grader.commands.grade import open_pipeline
+from grader.library import PassedChecks
+from grader.library.question_text import find_question, replace_question
+from grader.questions import installed_kinds, parse_question
+from grader.service.authoring import make_app
+from grader.web.author.preview import list_samples
+
+ROOT = Path(__file__).parents[2]
+HOST = "http://127.0.0.1"
+SENT = {"Origin": HOST}
+SAMPLED = ("mcq", "debug", "predict", "multiple", "order", "match", "numeric", "numbers", "open")
+CHECK, CHOICE, NUMBER = "1.3-check", "/edit/1.3-check/q1", "/edit/1.3-check/q2"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A content folder with one quiz."""
+    (tmp_path / "quizzes").mkdir()
+    shutil.copy(ROOT / "quizzes/1.3-check.json", tmp_path / "quizzes")
+    shutil.copytree(ROOT / "models", tmp_path / "models")
+    return tmp_path
+
+
+@pytest.fixture
+def browser(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    passed = PassedChecks(tmp_path_factory.mktemp("passed"))
+    with TestClient(make_app(folder, passed, open_pipeline), base_url=HOST) as client:
+        yield client
+
+
+def wait_for(browser: TestClient, path: str, words: str) -> str:
+    """The page once it has these words, after the check."""
+    for _ in range(30):
+        text = browser.get(path).text
+        if words in text:
+            return text
+        seen = re.search(r'data-seen="([^"]+)"', text)
+        assert seen
+        browser.get(path.replace("/edit/", "/changes/"), params={"seen": seen[1]})
+    raise AssertionError(text)
+
+
+def tag_in(text: str) -> str:
+    found = re.search(r'name="tag" value="(\w+)"', text)
+    assert found
+    return found[1]
+
+
+def test_a_question_is_shown_with_its_source_its_certificate_and_how_answers_are_read(browser: TestClient) -> None:
+    text = wait_for(browser, NUMBER, "No fault")
+    for part in ("1.3-check.json: q2", "Key: certified", "about 5 ms", "A joint with inertia", "After due"):
+        assert part in text, part
+
+
+def test_every_state_is_shown_as_a_student_sees_it(browser: TestClient, folder: Path) -> None:
+    assert "Not correct" not in browser.get(CHOICE).text.partition("What the check says")[0]
+    wrong = browser.get(f"{CHOICE}?state=wrong").text
+    assert "Not correct" in wrong and "the velocity stage, mj_fwdVelocity" in wrong
+    assert "mj_collision" not in wrong.partition("data-said")[2].partition("</article>")[0]
+    right = browser.get(f"{CHOICE}?state=right").text.partition("data-said")[2].partition("</article>")[0]
+    assert "mj_collision" in right
+    assert "no due date" in browser.get(f"{CHOICE}?state=due").text
+    file = folder / "quizzes/1.3-check.json"
+    quiz = json.loads(file.read_text()) | {"policy": {"due": "2026-01-01T00:00Z", "solutions": "after_due"}}
+    file.write_text(json.dumps(quiz))
+    over = browser.get(f"{CHOICE}?state=due").text.partition("data-said")[2].partition("</article>")[0]
+    assert "mj_collision" in over
+
+
+def test_an_answer_is_judged_and_not_kept(browser: TestClient) -> None:
+    sent = browser.post("/try/1.3-check/q2", data={"answer": "7 ms"}, headers=SENT).text
+    assert "7\u202fms is too high" in sent
+    unread = browser.post("/try/1.3-check/q2", data={"answer": "5 kg"}, headers=SENT).text
+    assert "does not measure" in unread
+    assert "7 ms" not in browser.get(NUMBER).text.partition("What the check says")[0]
+
+
+def test_a_change_of_the_file_is_told_with_its_faults(browser: TestClient, folder: Path) -> None:
+    wait_for(browser, NUMBER, "No fault")
+    file = folder / "quizzes/1.3-check.json"
+    file.write_text(file.read_text().replace('"answer": 5, "tol"', '"answer": 6, "tol"'))
+    assert "refuted: derived 4.99999" in wait_for(browser, NUMBER, "to mend")
+    file.write_text(file.read_text().replace('"tol": 0.05', '"tolerance": 0.05'))
+    text = wait_for(browser, NUMBER, "unknown key")
+    assert "q2.tolerance" in text and "stands here once the faults" in text
+    file.write_text("{")
+    assert "broken JSON" in browser.get(NUMBER).text
+
+
+def test_saving_writes_the_question_alone_and_never_overwrites(browser: TestClient, folder: Path) -> None:
+    file = folder / "quizzes/1.3-check.json"
+    before, page = file.read_text(), browser.get(NUMBER).text
+    start, end = find_question(before, "q2")
+    mine = before[start:end].replace("largest timestep", "longest timestep")
+    match = {"If-Match": f'"{tag_in(page)}"', **SENT}
+    saved = browser.put("/source/1.3-check/q2", content=mine, headers=match)
+    assert saved.status_code == 204
+    assert file.read_text() == before.replace("largest timestep", "longest timestep")
+    again = browser.put("/source/1.3-check/q2", content="{}", headers=match)
+    assert again.status_code == 412 and "has changed" in again.json()["why"]
+    form = {"source": "{typed}", "tag": tag_in(page)}
+    refused = browser.post("/source/1.3-check/q2", data=form, headers=SENT).text
+    assert "{typed}" in refused and "has changed" in refused
+    assert "longest timestep" in file.read_text()
+    form = {"source": mine.replace("longest", "greatest"), "tag": saved.headers["ETag"].strip('"')}
+    browser.post("/source/1.3-check/q2", data=form, headers=SENT)
+    assert "greatest timestep" in file.read_text()
+    assert [path.name for path in (folder / "quizzes").iterdir()] == ["1.3-check.json"]
+
+
+@pytest.mark.parametrize("origin", [None, "http://evil.example", "null", "http://127.0.0.1:1"])
+def test_another_site_can_write_nothing(browser: TestClient, folder: Path, origin: str | None) -> None:
+    before, tag = (folder / "quizzes/1.3-check.json").read_text(), tag_in(browser.get(NUMBER).text)
+    headers = {"If-Match": f'"{tag}"'} | ({} if origin is None else {"Origin": origin})
+    assert browser.put("/source/1.3-check/q2", content="{}", headers=headers).status_code == 403
+    assert browser.get(NUMBER, headers={"Host": "evil.example"}).status_code == 400
+    assert (folder / "quizzes/1.3-check.json").read_text() == before
+
+
+def test_a_lab_runs_on_the_desk(browser: TestClient) -> None:
+    assert browser.get("/api/v1/quizzes/1.3-check").json()["questions"][2]["lab"]["controls"]
+    run = browser.post("/api/v1/labs:run", json={"quiz": CHECK, "question": "q3", "seconds": 0.1}, headers=SENT)
+    assert run.status_code == 200 and run.json()["times"]
+
+
+def test_what_is_not_there_is_not_found(browser: TestClient) -> None:
+    assert browser.get("/edit/none/q1").status_code == 404
+    assert browser.get("/edit/1.3-check/none").status_code == 404
+
+
+def test_a_question_is_found_in_the_text_as_it_was_written() -> None:
+    text = '{ "id": "a", "x-note": "\\"questions\\": [1]",\n "questions": [ {"id": "b",\n "q": "]}" } , {"q": 2}]}'
+    assert text[slice(*find_question(text, "b"))] == '{"id": "b",\n "q": "]}" }'
+    assert text[slice(*find_question(text, "q2"))] == '{"q": 2}'
+    assert json.loads(replace_question(text, "q2", ' {"q": 3} \n'))["questions"][1] == {"q": 3}
+
+
+@pytest.mark.parametrize("name", [name for name, kind in installed_kinds().items() if not kind.is_script])
+def test_the_first_sample_of_every_kind_is_right_and_another_is_not(name: str) -> None:
+    kind = installed_kinds()[name]
+    question = parse_question({"id": "q1", **kind.example().question})
+    samples = list_samples(question)
+    assert samples or name not in SAMPLED
+    if not samples:
+        return
+    tones = [sample.badge.tone for sample in samples]
+    assert tones[0] in ("ok", "wait")
+    assert kind.is_prose or set(tones[1:]) - {"ok"}

@@ -1,0 +1,324 @@
+"""The class at one question: rights, names, no script, axe, narrow screens, keyboard; comments on lines, tried copies.
+A class of the command `grader demo` is looked at, with the real judge behind it."""
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+from playwright.sync_api import Page, expect
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from grader.courses.people.identity import Role
+from grader.courses.people.sign_in import create_sign_in_code
+from grader.service.accounts import in_database
+from grader.service.demo import fill_demo
+from grader.settings import Settings
+from grader.store import submissions
+from grader.store.line_comments import LineComment, TriedCopy
+from grader.store.tables import Member, Submission, VerdictRow, now
+from web.browsing import Chromium, findings, service
+
+pytestmark = [pytest.mark.browser, pytest.mark.jail, pytest.mark.slow]
+expect.set_options(timeout=30_000)
+
+CLASS, STUDENTS = "/instructor/class/1.3-exercises/servo-threshold", "/quizzes/1.3-exercises/servo-threshold"
+NARROW, WIDE = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
+
+
+@pytest.fixture(scope="module")
+def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
+    settings = Settings(data=tmp_path_factory.mktemp("cohort"), workers=1)
+    fill_demo(settings, print, learners=16, seed=9, now=now())
+    return settings
+
+
+@pytest.fixture(scope="module")
+def origin(settings: Settings) -> Iterator[str]:
+    with service(settings) as origin:
+        yield origin
+
+
+def enter(browser: Chromium, origin: str, settings: Settings, name: str, role: Role, *, scripts: bool = False) -> Page:
+    page = browser.new_context(base_url=origin, java_script_enabled=scripts, viewport=WIDE).new_page()
+    code = in_database(settings, lambda session: create_sign_in_code(session, name, role))
+    page.goto(f"/signin?code={code}")
+    page.get_by_role("button", name="Sign in").click()
+    return page
+
+
+@pytest.fixture(scope="module")
+def desk(browser: Chromium, origin: str, settings: Settings) -> Page:
+    """An instructor without JavaScript."""
+    return enter(browser, origin, settings, "instructor", Role.INSTRUCTOR)
+
+
+def find_learner(settings: Settings, *, has_solved: bool) -> tuple[str, str]:
+    """A learner at the exercise by name, and their newest script."""
+    here = (Submission.question == "servo-threshold", Submission.user != "instructor")  # whose copies are no answers
+    wanted = select(Submission).where(*here).order_by(Submission.id.desc())
+
+    def find(session: Session) -> tuple[str, str]:
+        rows = session.scalars(wanted).all()
+        solved = {row.learner for row in rows if row.outcome == "correct"}
+        row = next(row for row in rows if (row.learner in solved) == has_solved)
+        return row.user, row.id
+
+    return in_database(settings, find)
+
+
+def read_columns(settings: Settings, submission: str) -> dict[str, Any]:
+    """The columns of a submission."""
+    wanted = select(*Submission.__table__.columns).where(Submission.id == submission)
+    return in_database(settings, lambda session: dict(session.execute(wanted).one()._mapping))
+
+
+def list_names(settings: Settings) -> list[str]:
+    return in_database(
+        settings, lambda session: list(session.scalars(select(Member.name).where(Member.role == "student")))
+    )
+
+
+def test_every_dot_leads_to_its_answer_and_every_mistake_to_its_learners(desk: Page, settings: Settings) -> None:
+    desk.goto(CLASS)
+    solved = desk.locator(".facts dd").first.inner_text()
+    assert " of " in solved
+    dots = desk.locator(".wide-plot a")
+    claims = in_database(
+        settings,
+        lambda session: len({
+            row.learner for row, body in submissions.graded_at(
+                session, submissions.SubmissionFilter("default", question="servo-threshold"), (), 1000
+            ) if '"case":"lesson.Euler"' in body
+        }),
+    )  # fmt: skip
+    assert dots.count() == claims > 4
+    name = (dots.first.get_attribute("aria-label") or "").partition(":")[0]
+    assert name in list_names(settings)
+    dots.first.click()
+    expect(desk.get_by_role("heading", level=1)).to_have_text(name)
+
+    desk.goto(CLASS)
+    family = desk.locator("details.family").first
+    still, was = (int(part.split()[0]) for part in family.locator(".family-count").inner_text().split(","))
+    family.locator("summary").click()
+    assert family.locator(".people a").count() == still + was
+    assert family.locator(".people").inner_text().count("still") == still
+    family.get_by_role("link", name="Read").click()
+    assert desk.locator(".columns section").count() == min(still + was, 6)
+
+
+def test_one_comment_reaches_all_who_still_make_a_mistake(desk: Page, settings: Settings) -> None:
+    desk.goto(CLASS)
+    family = next(one for one in desk.locator("details.family").all() if not one.inner_text().strip().startswith("0"))
+    family.locator("summary").first.click()
+    count = int(family.get_by_role("button").inner_text().split()[3])
+    family.get_by_role("textbox").fill("Compare both ends <b>first</b>.")
+    family.get_by_role("button").click()
+    expect(desk.get_by_role("status")).to_contain_text(f"written to {count} script")
+    kept = in_database(
+        settings,
+        lambda session: session.scalars(select(LineComment).where(LineComment.text.contains("Compare both"))).all(),
+    )
+    assert len({one.submission_id for one in kept}) == len(kept) == count
+
+
+def test_the_statistics_lead_from_a_count_to_its_learners(desk: Page) -> None:
+    desk.goto("/instructor/statistics?quiz=1.3-check")
+    for link in [one.get_attribute("href") or "" for one in desk.locator(".counted a").all()]:
+        desk.goto(link)
+        anchor = link.partition("#")[2]
+        assert desk.locator(f'[id="{anchor}"]').count() == 1, link
+
+
+def test_slides_name_nobody_and_are_a_page_each(desk: Page, settings: Settings) -> None:
+    desk.goto(CLASS)
+    desk.get_by_role("link", name="Open as slides").click()
+    slides = desk.locator(".slide").count()
+    assert slides >= 2
+    shown = desk.locator("main").inner_text()
+    assert not [name for name in list_names(settings) if name in shown]
+    assert len(re.findall(rb"/Type /Page\b", desk.pdf(format="A4", landscape=True))) == slides
+
+
+def test_a_comment_stands_below_its_line_and_changes_no_points(
+    desk: Page, browser: Chromium, origin: str, settings: Settings
+) -> None:
+    name, script = find_learner(settings, has_solved=False)
+    desk.goto(f"/instructor/review/{script}?which=submissions")
+    desk.evaluate("document.querySelectorAll('form').forEach(one => one.noValidate = true)")  # the browser asks first
+    desk.get_by_role("spinbutton", name="Line;").fill("9999")
+    desk.get_by_label("Comment, which").fill("Here.")
+    desk.get_by_role("button", name="Write the comment").click()
+    expect(desk.get_by_role("alert")).to_contain_text("has no line 9999")
+    assert desk.get_by_label("Comment, which").input_value() == "Here."
+    desk.get_by_role("spinbutton", name="Line;").fill("2")
+    desk.get_by_label("Comment, which").fill("Two lines\n<b>of text</b>")
+    desk.get_by_role("button", name="Write the comment").click()
+    expect(desk.locator("tr:has(td:text-is('2')) + tr.commented")).to_contain_text("<b>of text</b>")
+
+    page = enter(browser, origin, settings, name, Role.STUDENT)
+    page.goto(STUDENTS)
+    expect(page.locator(".line-comments")).to_contain_text("Line 2: Two lines")
+    counted = in_database(
+        settings,
+        lambda session: len(session.scalars(select(VerdictRow).where(VerdictRow.submission_id == script)).all()),
+    )
+    assert counted == 1
+    desk.goto(f"/instructor/review/{script}?which=submissions")
+    for _ in range(desk.locator(".line-comment").count()):
+        desk.locator(".line-comment").first.get_by_role("button", name="Delete").click()
+    page.reload()
+    expect(page.locator(".line-comments")).to_have_count(0)
+
+
+def test_a_changed_copy_is_judged_and_the_submission_stays(desk: Page, settings: Settings) -> None:
+    _, script = find_learner(settings, has_solved=False)
+    _, right = find_learner(settings, has_solved=True)
+    before = read_columns(settings, script)
+    desk.goto(f"/instructor/review/{right}/try")
+    source = desk.get_by_label("Your copy").input_value()
+    desk.goto(f"/instructor/review/{script}/try")
+    desk.get_by_label("Your copy").fill(source)
+    desk.get_by_role("button", name="Run it").click()
+    expect(desk.locator(".verdict-head")).to_contain_text("attempt")
+    assert read_columns(settings, script) == before
+    copy = in_database(settings, lambda session: session.scalars(select(TriedCopy)).one())
+    assert copy.original == script
+    mine = in_database(settings, lambda session: session.get_one(Submission, copy.submission_id))
+    assert (mine.user, mine.seed) == ("instructor", before["seed"])  # the same hidden cases
+    response = desk.goto(f"/instructor/review/{right}/try?copy={copy.submission_id}")
+    assert response is not None and response.status == 404  # a copy of another script
+    desk.goto(CLASS)
+    expect(desk.locator("main")).not_to_contain_text("instructor")  # no learner of the class
+
+
+def test_a_learner_sees_the_class_once_solved_and_nobodys_name(
+    browser: Chromium, origin: str, settings: Settings
+) -> None:
+    name, _ = find_learner(settings, has_solved=False)
+    page = enter(browser, origin, settings, name, Role.STUDENT)
+    page.goto(STUDENTS)
+    expect(page.get_by_role("link", name="Where the class stands")).to_have_count(0)
+    response = page.goto(f"{STUDENTS}/class")
+    assert response is not None and response.status == 409
+
+    name, _ = find_learner(settings, has_solved=True)
+    page = enter(browser, origin, settings, name, Role.STUDENT)
+    page.goto(f"{STUDENTS}/class")
+    assert page.locator(".wide-plot .person").count() >= 8
+    assert page.locator(".wide-plot .own").count() == 1
+    assert page.locator("svg a, svg .move, svg title").count() == 0
+    shown = page.content()
+    assert not [other for other in list_names(settings) if other in shown and other != name]
+    ids = in_database(settings, lambda session: list(session.scalars(select(Submission.id))))
+    assert not [one for one in ids if one in shown]
+    assert page.goto(f"{CLASS}").status == 403  # type: ignore[union-attr]
+
+
+def test_too_few_learners_are_not_shown_to_each_other(browser: Chromium, origin: str, settings: Settings) -> None:
+    name, _ = find_learner(settings, has_solved=True)
+    page = enter(browser, origin, settings, name, Role.STUDENT)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("grader.web.cohort.learner_page.LEARNERS_MIN", 100)
+        page.goto(f"{STUDENTS}/class")
+    expect(page.get_by_role("heading", level=1)).to_have_text("Too few have answered yet")
+    assert page.locator("svg.class-plot").count() == 0
+
+
+def hand_in_alike(session: Session) -> tuple[str, str]:
+    """Lets the newest scripts of two learners be one, but for names and numbers; returns the learners' names."""
+    here = (Submission.question == "servo-threshold", Submission.user != "instructor")
+    newest = {row.learner: row for row in session.scalars(select(Submission).where(*here).order_by(Submission.id))}
+    one, other = sorted(newest.values(), key=lambda row: row.id)[-2:]
+    one.answer = json.dumps({"source": UNUSUAL})
+    other.answer = json.dumps({"source": UNUSUAL.replace("inertia", "j").replace("0.25", "1e-1")})
+    return one.user, other.user
+
+
+UNUSUAL = """
+import numpy as np
+def largest_stable_timestep(model, integrator):
+    inertia = model.dof_M0[0]
+    gains = np.array([model.actuator_gainprm[0, 0], -model.actuator_biasprm[0, 2]])
+    matrix = np.array([[1, 2], [-gains[0] / inertia, 1 - gains[1] / inertia]])
+    radius = max(abs(np.linalg.eigvals(matrix)))
+    table = {h: radius * h for h in np.linspace(0.001, 0.05, 400) if np.isfinite(radius * h)}
+    found = [h for h, value in sorted(table.items(), reverse=True) if value < 0.25 or np.isclose(value, 0.25)]
+    return found[0] - 0.00025, found[0] + 0.00025
+"""
+
+
+def test_scripts_that_look_alike_are_for_instructors_alone(
+    desk: Page, browser: Chromium, origin: str, settings: Settings
+) -> None:
+    names = in_database(settings, hand_in_alike)
+    desk.goto("/instructor/alike?what=1.3-exercises/servo-threshold")
+    desk.locator("tbody a").filter(has_text=names[0]).filter(has_text=names[1]).click()
+    expect(desk.locator(".columns h2")).to_have_count(2)
+    assert set(desk.locator(".columns h2").all_inner_texts()) == set(names)
+    for side in desk.locator(".columns section").all():
+        assert side.locator(".changed").count() >= 5
+    assert desk.goto("/instructor/alike?one=1&other=2").status == 404  # type: ignore[union-attr]
+    name, _ = find_learner(settings, has_solved=True)
+    page = enter(browser, origin, settings, name, Role.STUDENT)
+    assert page.goto("/instructor/alike").status == 403  # type: ignore[union-attr]
+
+
+def test_without_a_session_the_pages_ask_to_sign_in(origin: str) -> None:
+    for path in (CLASS, f"{CLASS}/slides", f"{CLASS}/scripts?mistake=x", "/instructor/alike"):
+        assert httpx.get(origin + path).status_code == 401
+
+
+def test_no_page_has_a_fault_or_scrolls_sideways(browser: Chromium, origin: str, settings: Settings) -> None:
+    page = enter(browser, origin, settings, "instructor", Role.INSTRUCTOR, scripts=True)
+    _, script = find_learner(settings, has_solved=False)
+    for path in (
+        CLASS, f"{CLASS}?axis=lesson.discrete", f"{CLASS}/slides", "/instructor/class/1.3-check/q1",
+        "/instructor/class/1.3-check/q2", "/instructor/class/1.3-check/q4", "/instructor/people",
+        "/instructor/alike",
+        f"/instructor/review/{script}", f"/instructor/review/{script}/try", "/instructor/statistics?quiz=1.3-exercises",
+    ):  # fmt: skip
+        page.goto(path)
+        for size in (WIDE, NARROW):
+            page.set_viewport_size(size)  # type: ignore[arg-type]
+            assert page.evaluate("document.documentElement.scrollWidth") == size["width"], (path, size)
+            if path.startswith(CLASS):
+                page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+            assert findings(page) == [], (path, size)
+    page.goto("/instructor/people")
+    assert page.evaluate("document.documentElement.scrollHeight") < 150 * 18  # 17 people, none unfolded
+
+
+INSTRUCTORS = (
+    "", "/stuck", "/service", "/review", "/review?which=submissions", "/gradebook", "/statistics", "/alike",
+    "/regrades", "/extensions", "/content", "/draft", "/dates", "/certificates", "/people", "/people/invitations",
+    "/people/tokens", "/people/audit", "/lti", "/courses",
+)  # fmt: skip
+
+
+def test_every_page_of_an_instructor_works_on_a_phone_without_a_script(desk: Page) -> None:
+    desk.set_viewport_size(NARROW)  # type: ignore[arg-type]
+    linked = set()
+    for path in INSTRUCTORS:
+        response = desk.goto(f"/instructor{path}")
+        assert response is not None and response.status == 200, path
+        assert desk.evaluate("document.documentElement.scrollWidth") == NARROW["width"], path
+        expect(desk.get_by_role("heading", level=1)).to_be_visible()
+        linked |= {one.get_attribute("href") for one in desk.locator("header.top nav a, nav.within a").all()}
+    assert linked <= {f"/instructor{path}" for path in INSTRUCTORS}  # each page of the navigation is in the list
+    desk.set_viewport_size(WIDE)  # type: ignore[arg-type]
+
+
+def test_a_mistake_opens_and_a_dot_is_reached_by_keyboard(browser: Chromium, origin: str, settings: Settings) -> None:
+    page = enter(browser, origin, settings, "instructor", Role.INSTRUCTOR, scripts=True)
+    page.goto(CLASS)
+    page.locator("details.family summary").first.focus()
+    page.keyboard.press("Enter")
+    expect(page.locator("details.family .people").first).to_be_visible()
+    page.locator(".wide-plot a").first.focus()
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/instructor/review/**")
