@@ -100,9 +100,9 @@ def test_attempts_of_one_learner_in_one_batch_are_numbered_and_limited(
 
 
 def test_attempts_stay_in_order_where_the_clock_is_set_back(either_site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    ann, real = either_site.client("ann"), ids.now_ms
+    ann, real = either_site.client("ann"), ids.now_ns
     made = [hand_in(ann, "q1", 0).json()["id"]]
-    monkeypatch.setattr(ids, "now_ms", lambda: real() - 3_600_000)
+    monkeypatch.setattr(ids, "now_ns", lambda: real() - 3_600_000_000_000)
     made += [hand_in(ann, "q1", option).json()["id"] for option in (0, 1)]
     assert made == sorted(made)
     shown = ann.get(SUBMISSIONS).json()["items"]

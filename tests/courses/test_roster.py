@@ -162,6 +162,7 @@ def test_the_zip_file_has_the_columns_of_version_1_2() -> None:
     ada = Entry(0, "Ada Lovelace", Role.STUDENT, "ada@school.example", External("school", "u1"))
     with zipfile.ZipFile(io.BytesIO(write_zip([ada], "robots"))) as packed:
         files = {name: list(csv.DictReader(io.StringIO(packed.read(name).decode()))) for name in packed.namelist()}
+        assert {one.date_time for one in packed.infolist()} == {(1980, 1, 1, 0, 0, 0)}  # the same file at any time
     assert files.keys() == {"manifest.csv", "users.csv", "enrollments.csv"}
     [user], [enrollment] = files["users.csv"], files["enrollments.csv"]
     assert tuple(user) == oneroster.USER_COLUMNS and tuple(enrollment) == oneroster.ENROLLMENT_COLUMNS

@@ -40,9 +40,8 @@ class TriedCopy(Base):
     """The submission that was copied."""
 
 
-BY_LINE = (LineComment.line.nulls_first(), LineComment.created_at, LineComment.id)
-"""The order of comments: those on the whole script first, then line by line, the oldest first. An id alone would not
-do: two of the same millisecond sort at random."""
+BY_LINE = (LineComment.line.nulls_first(), LineComment.id)
+"""The order of comments: those on the whole script first, then line by line, the oldest first."""
 
 
 def on_submissions(session: Session, ids: Iterable[str]) -> dict[str, list[LineComment]]:

@@ -22,7 +22,7 @@ from grader.queue import jobs
 from grader.store import intake, submissions
 from grader.store.engine.bulk import insert_rows
 from grader.store.engine.database import Database
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import RANDOM_DIGITS, new_id
 from grader.store.intake import AnswerKeys, QuestionState, StoredOfAnswer
 from grader.store.results import LearnerAt
 from grader.store.submissions import SubmissionFilter
@@ -81,8 +81,9 @@ class AnswerBatch:
 
     def __init__(self, session: Session, most: int) -> None:
         self.clock = datetime.now(UTC)
-        digits = secrets.token_hex(10 * most)  # at once: after each call of the system a thread waits for its turn
-        self._random = [digits[at : at + 20] for at in range(0, len(digits), 20)]
+        # At once: after each call of the system a thread waits for its turn.
+        digits = secrets.token_hex(RANDOM_DIGITS * (most + 1) // 2)
+        self._random = [digits[at : at + RANDOM_DIGITS] for at in range(0, RANDOM_DIGITS * most, RANDOM_DIGITS)]
         self._session = session
         self._accepted: list[tuple[NewAnswer, Receipt]] = []
         self._states: dict[LearnerAt, QuestionState] = {}
