@@ -15,6 +15,7 @@ from grader.web.author.desk import AuthorDesk, Check, list_about
 from grader.web.author.preview import STATES, build_preview, list_samples, try_form
 from grader.web.frame.inputs import FormFields
 from grader.web.frame.rendering import page
+from grader.web.verdict.key_plot import draw_key
 
 FAST_S = 0.9
 """How long a page waits for the check; a longer one is shown when it is done [s]."""
@@ -140,7 +141,7 @@ def describe_report(
     return {
         "faults": list(list_about(faults, file, question)),
         "remarks": [] if report is None else report.warnings,
-        "certificates": [] if report is None else report.certificates,
+        "certificates": [] if report is None else [one | {"figure": draw_key(one)} for one in report.certificates],
         "references": [] if report is None else report.references,
         "luck": [] if report is None else report.chances,
         "doing": check.doing if report is None else "",

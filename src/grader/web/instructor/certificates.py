@@ -13,6 +13,7 @@ from grader.library import NOTHING_PASSED, Library, PassedChecks
 from grader.questions import AnswerKey, Question, kind_of
 from grader.web.text.certificates import describe_luck, word_key
 from grader.web.text.questions import shorten_title
+from grader.web.verdict.key_plot import draw_key
 
 LUCKS_MAX = 1000
 """Chances of luck that are kept."""
@@ -114,4 +115,5 @@ def word_certificate(key: AnswerKey, certificate: Certificate | None) -> dict[st
         "why": "" if certificate.ok else f"{accepted}{certificate.why}",
         "facts": word_key(key, certificate),
         "remarks": certificate.remarks,
+        "figure": draw_key(certificate.to_json()),
     }
