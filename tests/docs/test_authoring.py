@@ -19,6 +19,7 @@ from grader.exercises.kinds.controller import parameters as controller
 from grader.exercises.kinds.rk4.parameters import OrderCheck, Rk4Case, Rk4Parameters, Start
 from grader.exercises.kinds.threshold.parameters import ThresholdParameters
 from grader.exercises.kinds.values import parameters as values
+from grader.exercises.parameters import WrongProgram
 from grader.expressions import fields
 from grader.grading.pipeline import Pipeline
 from grader.labs import build_lab_scene, run_integrators, run_lab
@@ -38,7 +39,7 @@ QUESTIONS = [*dict.fromkeys(kind.question for kind in OURS.values())]
 LABS: list[type[BaseModel]] = [lab.SimLab, lab.IntegratorsLab, lab.Slider, lab.Select, lab.Button]
 CHECKS: list[type[BaseModel]] = [ThresholdParameters, Rk4Parameters, Rk4Case, OrderCheck, Start, Number, Case]
 CHECKS += [values.ValuesParameters, values.ValuesCase, values.Function, values.Result, values.Residual, values.Start]
-CHECKS += [values.Array, values.Integer, values.WrongProgram]
+CHECKS += [values.Array, values.Integer, WrongProgram]
 CHECKS += [controller.ControllerParameters, controller.ControllerCase, controller.Goal]
 CHECKS += [controller.TargetStep, controller.Load]
 RULES: list[type[BaseModel]] = [Policy, Late, RubricItem, SecondMarking]

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from exercises.conftest import ROOT
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status
-from grader.exercises import Plan, judge_exercise, load_kinds, plan_exercise, runner
+from grader.exercises import Plan, judge_exercise, load_kinds, plan_exercise
 from grader.exercises.kinds.rk4.judging.quaternions import find_quaternions
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
+from support.kinds import install_kinds
 
 HERE = Path(__file__).parent
 Forge = Callable[[NDArray[Any]], Any]
@@ -102,7 +103,7 @@ def plugin() -> Iterator[None]:
     spec.loader.exec_module(module)
     kinds = {**load_kinds(), "exact-text": module.ExactText()}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, "load_kinds", lambda: kinds)
+        install_kinds(patch, **kinds)
         yield
 
 

@@ -24,13 +24,13 @@ from grader.exercises import (
     Trial,
     judge_exercise,
     plan_exercise,
-    runner,
 )
 from grader.exercises.measuring import CPU_S_MAX, limit_cpu
 from grader.grading.pipeline import Pipeline
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
+from support.kinds import install_kinds
 
 DRIVER = """
 import numpy as np
@@ -95,14 +95,14 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
     check = {"kind": "falling", "luck": 1, "cases": [{"id": "a"}, {"id": "b", "hidden": True}]}
     question = {"kind": "code", "id": "f", "q": "?", "entry": "build", "check": check}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, "load_kinds", lambda: {"falling": Falling()})
+        install_kinds(patch, falling=Falling())
         (folder / "quizzes/q.json").write_text(json.dumps({"id": "q", "title": "Q", "questions": [question]}))
         return load(folder)
 
 
 @pytest.fixture
 def grade(jail: Jail, library: Library, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Verdict]:
-    monkeypatch.setattr(runner, "load_kinds", lambda: {"falling": Falling()})
+    install_kinds(monkeypatch, falling=Falling())
     return lambda source: Pipeline(library, jail.run).grade("q", "f", {"source": source})
 
 
@@ -154,7 +154,7 @@ def test_stopping_while_what_a_script_made_is_measured_uses_an_attempt(
     jail: Jail, library: Library, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It had its hidden inputs, and may have made of them what takes long to measure, or not."""
-    monkeypatch.setattr(runner, "load_kinds", lambda: {"falling": Falling()})
+    install_kinds(monkeypatch, falling=Falling())
     source = build_script(options=SLOW)
     pipeline = Pipeline(library, lambda job: jail.run(replace(job, is_stopped=lambda: job.source != source)))
     with pytest.raises(ScriptStopped) as stopped:
@@ -172,7 +172,7 @@ def test_one_trial_that_cannot_be_measured_fails_alone(grade: Callable[[str], Ve
 def test_a_judge_sees_what_was_measured_and_nothing_that_was_forged(
     jail: Jail, library: Library, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(runner, "load_kinds", lambda: {"falling": Falling()})
+    install_kinds(monkeypatch, falling=Falling())
     question = library.question("q", "f")
     assert isinstance(question, ScriptQuestion)
     plan = plan_exercise(question, library.model_xml, 1)

@@ -20,10 +20,10 @@ from grader.exercises import (
     Trial,
     judge_exercise,
     plan_exercise,
-    runner,
 )
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
+from support.kinds import install_kinds
 
 pytestmark = pytest.mark.jail
 
@@ -93,7 +93,7 @@ def guess(hint):
 
 @pytest.fixture
 def grade(jail: Jail, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Verdict]:
-    monkeypatch.setattr(runner, "load_kinds", lambda: {"halving": Halving()})
+    install_kinds(monkeypatch, halving=Halving())
     check = {"kind": "halving", "cases": [{"id": "seen"}, {"id": "unseen", "hidden": True}]}
     question = ScriptQuestion.model_validate(
         {"kind": "code", "id": "h", "q": "?", "points": 8, "entry": "guess", "check": check}

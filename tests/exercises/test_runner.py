@@ -30,18 +30,21 @@ from grader.exercises import (
     judge_exercise,
     load_kinds,
     plan_exercise,
-    runner,
+    planning,
     write_lazy_answers,
 )
 from grader.exercises.driving import recorder
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
+from support.kinds import install_kinds
 
 SOLVED = {
     "servo-threshold": "spectral_radius",
     "rk4-step": "classical",
     "rk4-free-joint": "rotation_vector",
 }
+
+
 EXERCISES = list(SOLVED)
 PROGRAMS = ROOT / "reference_solutions" / "1.3-exercises"
 NUMBER = re.compile(r"\d+\.?\d*(?:e-?\d+)?")
@@ -269,7 +272,7 @@ class Echo(Kind[ExerciseParameters, float, float]):
 
 @pytest.fixture
 def echo(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Verdict]:
-    monkeypatch.setattr(runner, "load_kinds", lambda: {"echo": Echo()})
+    install_kinds(monkeypatch, echo=Echo())
 
     def judge(*said: float, **changes: Any) -> Verdict:
         number = {"element": "x", "attribute": "y"}
@@ -292,7 +295,7 @@ def echo(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Verdict]:
 
 
 def test_a_result_that_is_not_finite_loses_its_trial_alone(jail: Jail, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "load_kinds", lambda: {"echo": Echo()})
+    install_kinds(monkeypatch, echo=Echo())
     number = {"element": "x", "attribute": "y"}
     cases = [{"id": "one", "set": {"n": 1}}, {"id": "two", "set": {"n": 2}}]
     check = {"kind": "echo", "numbers": {"n": number}, "cases": cases}
@@ -312,7 +315,7 @@ class Shares(Echo):
 
 
 def test_trials_are_hidden_with_their_case_and_share_its_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "load_kinds", lambda: {"shares": Shares()})
+    install_kinds(monkeypatch, shares=Shares())
     cases = [{"id": "a", "points": 1}, {"id": "b", "hidden": True, "points": 2}]
     raw = {"kind": "code", "id": "e", "q": "?", "entry": "f", "check": {"kind": "shares", "cases": cases}}
     trials = plan_exercise(ScriptQuestion.model_validate(raw), model_xml, 1).trials
@@ -334,7 +337,7 @@ class Arrays(Echo):
 
 
 def test_evidence_that_is_no_json_is_refused_before_it_is_saved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runner, "load_kinds", lambda: {"arrays": Arrays()})
+    install_kinds(monkeypatch, arrays=Arrays())
     raw = {"kind": "code", "id": "e", "q": "?", "entry": "f", "check": {"kind": "arrays", "cases": [{"id": "a"}]}}
     exercise = ScriptQuestion.model_validate(raw)
     plan = plan_exercise(exercise, model_xml, 1)
@@ -369,8 +372,8 @@ def test_a_kind_may_ask_for_a_person(echo: Callable[..., Verdict]) -> None:
 
 
 def test_two_packages_with_one_name_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    point = EntryPoint("rk4", "grader.exercises.kinds.rk4:Rk4", runner.GROUP)
-    monkeypatch.setattr(runner, "entry_points", lambda group: EntryPoints([point, point]))
+    point = EntryPoint("rk4", "grader.exercises.kinds.rk4:Rk4", planning.GROUP)
+    monkeypatch.setattr(planning, "entry_points", lambda group: EntryPoints([point, point]))
     load_kinds.cache_clear()
     try:
         with pytest.raises(GraderError, match="two installed packages provide the exercise kind 'rk4'"):

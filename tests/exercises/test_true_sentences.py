@@ -56,8 +56,8 @@ def told() -> Iterator[Told]:
     """Follows which sentences are told."""
     last, diagnose = Told(), diagnosing.diagnose
 
-    def follow(kind: Any, parameters: Any, judged: Any, whole: Any, run: Any) -> Any:
-        mistake, direction = diagnose(kind, parameters, judged, whole, run)
+    def follow(kind: Any, parameters: Any, judged: Any, whole: Any, run: Any, **more: Any) -> Any:
+        mistake, direction = diagnose(kind, parameters, judged, whole, run, **more)
         last.kind, last.parameters, last.judged = kind, parameters, whole
         last.sentence = mistake.sentence if mistake else ""
         last.count += 1

@@ -195,3 +195,39 @@ def test_one_question_alone_is_checked_and_says_what_it_does(tmp_path: Path) -> 
     assert "certifying the key of 1.3-check q2" in done
     absent = check_content(tmp_path, refuse, lambda _: None, only=Selection.parse("1.3-check/q9"))
     assert [str(fault) for fault in absent.faults] == ["--only: q9: is not there: take one of q1, q2, q3, q4"]
+
+
+HALF = """
+def largest_stable_timestep(model, integrator):
+    return {share} * model.body_mass[model.jnt_bodyid[0]] / model.actuator_gainprm[0, 0]
+"""
+
+
+def test_each_mistake_of_the_authors_is_told_its_own_sentence_or_is_a_fault(tmp_path: Path) -> None:
+    for name in ("quizzes", "models"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    (tmp_path / "programs").mkdir()
+    for name, source in (("one", HALF.format(share=1)), ("same", HALF.format(share=1.0))):
+        (tmp_path / f"programs/{name}.py").write_text(source)
+    file = tmp_path / "quizzes" / "1.3-exercises.json"
+    quiz = json.loads(file.read_text())
+    quiz["questions"] = [one for one in quiz["questions"] if one["id"] == "servo-threshold"]
+    sentences = {"one": "It is no stiffness.", "same": "It is the same."}
+    mistakes = [{"program": f"programs/{name}.py", "sentence": said} for name, said in sentences.items()]
+    quiz["questions"][0]["check"]["mistakes"] = mistakes[:1]
+    file.write_text(json.dumps(quiz))
+    checks, only = PassedChecks(tmp_path / "cache"), Selection("1.3-exercises", "servo-threshold")
+    said: list[str] = []
+    assert check_content(tmp_path, open_pipeline, said.append, passed=checks, only=only).to_json()["ok"]
+    assert any("programs/one.py is incorrect: It is no stiffness." in line for line in said)
+    again = check_content(tmp_path, lambda _: pytest.fail("a jail is started"), said.append, passed=checks, only=only)
+    assert again.to_json()["ok"]
+    (tmp_path / "programs/one.py").write_text(HALF.format(share=2))
+    with pytest.raises(LookupError, match="it starts"):
+        check_content(tmp_path, refuse, said.append, passed=checks, only=only)
+    (tmp_path / "programs/one.py").write_text(HALF.format(share=1))
+    quiz["questions"][0]["check"]["mistakes"] = mistakes
+    file.write_text(json.dumps(quiz))
+    [fault] = check_content(tmp_path, open_pipeline, said.append, passed=checks, only=only).faults
+    assert fault.key == "servo-threshold.check.mistakes.1.program"
+    assert "told 'It is no stiffness.', not its own sentence" in fault.why

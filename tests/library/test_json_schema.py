@@ -8,7 +8,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from pydantic import ValidationError
 
-from grader.exercises.runner import load_kinds, read_parameters
+from grader.exercises.planning import load_kinds, read_parameters
 from grader.library.json_schema import build_quiz_schema
 from grader.library.schema import read_quiz
 from grader.questions import Question

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grader.exercises import runner
+from grader.exercises import load_kinds, trials
 from grader.exercises.judgement import Judgement
 from mjgrader.judges import JUDGES
 
@@ -20,8 +20,8 @@ JUDGED = {"trials": 0}
 def judging_twice() -> Iterator[None]:
     """Raises AssertionError where the client's judgement on a visible trial is not the server's. The client gets what
     the kit would have, through JSON."""
-    judge_trial = runner.judge_trial
-    names = {id(kind): name for name, kind in runner.load_kinds().items()}
+    judge_trial = trials.judge_trial
+    names = {id(kind): name for name, kind in load_kinds().items()}
 
     def judge_both(kind: Any, plan: Any, trial: Any, results: Any, run: Any) -> tuple[Judgement[Any], Any]:
         ours, status = judge_trial(kind, plan, trial, results, run)
@@ -38,5 +38,5 @@ def judging_twice() -> Iterator[None]:
         return ours, status
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, "judge_trial", judge_both)
+        patch.setattr(trials, "judge_trial", judge_both)
         yield

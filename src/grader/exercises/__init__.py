@@ -3,6 +3,7 @@ rooms import from here alone. A kind of exercise subclasses `Kind`; docs/authori
 
 from grader.domain.numbers import NotNegative, Points, Positive, Range, Real, Value
 from grader.domain.run import ChannelClosed, Limits, MalformedAnswer
+from grader.exercises.authored import write_wrong_scripts
 from grader.exercises.film import Film, Panel
 from grader.exercises.kind import (
     Ask,
@@ -22,18 +23,18 @@ from grader.exercises.kind import (
 from grader.exercises.lazy import write_lazy_answers
 from grader.exercises.luck import compute_chance_of_luck
 from grader.exercises.parameters import Case, ExerciseParameters, Number, Strict, WrongParameter, draw_number
-from grader.exercises.progress import Progress, Tell
-from grader.exercises.runner import (
+from grader.exercises.planning import (
     GROUP,
     Plan,
-    check_exercise,
-    judge_exercise,
     list_codes,
     load_kinds,
     plan_exercise,
     prepare_exercise,
     save_hidden_models,
 )
+from grader.exercises.progress import Progress, Tell
+from grader.exercises.rehearsing import check_exercise
+from grader.exercises.runner import judge_exercise
 from grader.exercises.visible import describe_exercise, list_visible_models
 
 __all__ = [
@@ -42,5 +43,5 @@ __all__ = [
     "Number", "Panel", "Part", "Plan", "Points", "Positive", "Progress", "Range", "Real", "Results", "Strict", "Tell",
     "TextOf", "Trial", "Value", "WrongParameter", "check_exercise", "compute_chance_of_luck", "describe_exercise",
     "draw_number", "judge_exercise", "list_codes", "list_visible_models", "load_kinds", "plan_exercise",
-    "prepare_exercise", "save_hidden_models", "write_lazy_answers",
+    "prepare_exercise", "save_hidden_models", "write_lazy_answers", "write_wrong_scripts",
 ]  # fmt: skip

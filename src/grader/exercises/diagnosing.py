@@ -1,7 +1,7 @@
 """Chooses the sentence of a verdict: the mistake of a wrong script, a remark on a right one."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -36,10 +36,13 @@ def diagnose(
     judged: Sequence[tuple[AnyJudged, str]],
     whole: Sequence[AnyJudged],
     run: Run,
+    *,
+    find_authored: Callable[[], str | None] = lambda: None,
 ) -> tuple[Mistake | None, str | None]:
-    """Returns the mistake, else the hint of the first failed case, else its message. The sentence beside it replaces
-    its own where only the direction of an error may be told. `judged` are all trials with their messages, `whole` those
-    that did not raise. Details are left out, so that the diagnosis does not depend on the seed."""
+    """Returns the mistake that the author names, else the one that the kind recognises, else the hint of the first
+    failed case, else its message. The sentence beside it replaces its own where only the direction of an error may be
+    told. `judged` are all trials with their messages, `whole` those that did not raise. Details are left out, so that
+    the diagnosis does not depend on the seed."""
     first, message = next(((one, said) for one, said in judged if not one.counts), (None, ""))
     if first is None:
         return None, None
@@ -53,6 +56,8 @@ def diagnose(
     if slip is not None:
         return Mistake(slip), slip
     plain = (first.trial.case.hint if first.trial.case else None) or message
+    if (sentence := find_authored()) is not None:
+        return Mistake(sentence), plain
     named = kind.name_mistake(parameters, whole) or try_runs(kind, parameters, whole, run)
     mistake = Mistake(named) if isinstance(named, str) else named
     evidence = gather_evidence(whole)

@@ -34,6 +34,10 @@ TextOf = Callable[[str], str]
 Intervals = Sequence[tuple[float, float]]
 """Intervals (lowest, highest) of accepted numbers, one for each number of an answer; (inf, inf) means None."""
 
+ALIKE = 0.005
+"""Numbers that differ by no more, relative to the larger, come from the same mistake: what is measured has three
+figures."""
+
 P = TypeVar("P", bound=ExerciseParameters)
 C = TypeVar("C", bound=Case)
 Problem = TypeVar("Problem")
@@ -129,6 +133,17 @@ class Measurement:
     limits: Limits = field(default_factory=lambda: Limits(cpu_s=2, wall_s=20))
 
 
+def agree(one: Any, other: Any) -> bool:
+    """Whether two values of plain JSON agree: numbers to ALIKE of their size, everything else exactly."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(agree(value, other[name]) for name, value in one.items())
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(agree, one, other))
+    if isinstance(one, int | float) and isinstance(other, int | float):
+        return one == other or abs(one - other) <= ALIKE * max(abs(one), abs(other))
+    return bool(one == other)
+
+
 class Kind(ABC, Generic[P, Problem, Outcome]):
     """A kind of exercise: found by its name through the entry-point group `grader.exercise_kinds`. A kind must define
     `parameters`, `driver`, `build_trials` and `judge`; the rest has defaults.
@@ -158,6 +173,9 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     """What the sentences of `name_mistake` claim, beside what those of any kind may, and when it is true."""
     landmarks: Sequence[Landmark] = ()
     """How to find the line of a script that a sentence of `name_mistake` is about which has none."""
+    runs_wrong_programs: bool = False
+    """Whether `name_mistake` compares with the programs of the author's `mistakes` itself. Else each runs in the jail
+    like a student's script, and `is_alike` compares."""
     mistakes_tell_size: bool = True
     """Whether a sentence of `name_mistake` may tell how far a result is off, which leads to the expected one: twice, in
     degrees. Where the author reveals the direction alone, such a sentence is not shown."""
@@ -218,6 +236,18 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         """Returns what `name_mistake` does, where that returns None: by programs that `run` runs in the jail, within a
         counted number of steps, so that load changes no verdict. Raises JailFault, and nothing else."""
         return None
+
+    def write_wrong_script(self, parameters: P, index: int, text_of: TextOf) -> str:
+        """Returns a script with one of the author's `mistakes`, for `grader check`. Raises GraderError."""
+        return text_of(parameters.mistakes[index].program)
+
+    def is_alike(
+        self, parameters: P, trial: Trial[Problem], one: Judgement[Outcome], other: Judgement[Outcome]
+    ) -> bool:
+        """Whether two scripts that failed a trial did the same in it: by default, where what was `measured` of them and
+        of their parts agrees. A kind that measures nothing in a hidden trial compares the outcomes."""
+        mine, its = ([whole.measured, *(part.measured for part in whole.parts)] for whole in (one, other))
+        return agree(mine, its)
 
     def describe_success(self, parameters: P, judged: Sequence[JudgedTrial[Problem, Outcome]]) -> str:
         """Returns what is worth knowing of a right script, as sentences without numbers of hidden cases; empty if

@@ -48,13 +48,23 @@ class Case(Strict):
     hint: str | None = None
 
 
+class WrongProgram(Strict):
+    """A program that makes a mistake, by its path in the content folder, and the sentence for a student whose script
+    does the same."""
+
+    program: str = Field(min_length=1)
+    sentence: str = Field(min_length=1)
+
+
 class ExerciseParameters(Strict):
     """The keys of every exercise's `check` beside its `kind`; a kind adds its own in a subclass. `luck` is the largest
-    chance at which one fixed answer may be right in every case; docs/authoring.md says more."""
+    chance at which one fixed answer may be right in every case; docs/authoring.md says more. Each of the `mistakes` is
+    a script like a student's: where no earlier one fits, it runs in the jail for every wrong script."""
 
     model: str | None = None
     numbers: dict[str, Number] = Field(default_factory=dict)
     luck: Positive = Field(default=1e-6, le=1)
+    mistakes: tuple[WrongProgram, ...] = Field(default=(), max_length=8)
     cases: tuple[Case, ...] = Field(min_length=1, max_length=CASES_MAX)
 
 

@@ -18,7 +18,7 @@ from grader.certify.remarks import UNVERIFIED, is_decidable
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.domain.verdict import Status
 from grader.errors import CallerError, ContentError, Fault, InvalidAnswer, NotFound
-from grader.exercises import TextOf, write_lazy_answers
+from grader.exercises import TextOf, plan_exercise, write_lazy_answers, write_wrong_scripts
 from grader.grading.pipeline import Pipeline
 from grader.grading.selection import EVERYTHING, Selection
 from grader.library import NOTHING_PASSED, Library, PassedChecks, load
@@ -126,6 +126,7 @@ class ContentCheck:
         self.grade_references([one for one in programs if self.only.has(one.quiz, one.question)])
         for quiz_id, question in exercises:
             self.grade_lazy_answers(quiz_id, question)
+            self.grade_mistakes(quiz_id, question)
 
     def is_about(self, fault: Fault) -> bool:
         """Whether a remark is about what is checked."""
@@ -191,6 +192,35 @@ class ContentCheck:
                 cure = "give hidden cases other numbers or more points"
                 self.report.faults.append(Fault(library.file(quiz_id), f"{question.id}.check", f"{why}: {cure}"))
 
+    def grade_mistakes(self, quiz_id: str, question: ScriptQuestion) -> None:
+        """Reports a fault for every mistake of the author's whose own program is not told its sentence."""
+        library = self.library
+
+        def name_all(text_of: TextOf) -> list[tuple[str, str, str | None, str]]:
+            found = []
+            for program, source, sentence in write_wrong_scripts(question, text_of):
+                self.doing(f"grading {program}")
+                verdict = self.opened().grade(quiz_id, question.id, {"source": source})
+                found.append((program, verdict.status.value, verdict.diagnosis, sentence))
+            return found
+
+        for index, (program, status, diagnosis, sentence) in enumerate(
+            self.passed.run(
+                "mistakes",
+                list_inputs(question, library.models),
+                name_all,
+                text_of=library.text,
+                write=lambda named: named if all(sentence in (told or "") for *_, told, sentence in named) else None,
+                read=list,
+            )
+        ):
+            self.say(f"{quiz_id} {question.id}: {program} is {status}: {diagnosis}")
+            if sentence not in (diagnosis or ""):
+                why = f"{program} is graded {status} and told {diagnosis!r}, not its own sentence"
+                cure = "write a whole script that makes this mistake alone, or remove an earlier one that does the same"
+                key = f"{question.id}.check.mistakes.{index}.program"
+                self.report.faults.append(Fault(library.file(quiz_id), key, f"{why}: {cure}"))
+
     def grade_references(self, references: Sequence["ReferenceProgram"]) -> None:
         """Grade reference programs; a wrong status or diagnosis, or one that depends on the draw, is a fault."""
         with ThreadPoolExecutor(max_workers=2) as pool:
@@ -209,13 +239,20 @@ class ContentCheck:
         first = zlib.crc32(reference.file.encode())
         seeds = range(first, first + self.draws)
         try:
-            inputs = list_inputs(self.library.question(reference.quiz, reference.question), self.library.models)
+            question = self.library.question(reference.quiz, reference.question)
+            inputs = list_inputs(question, self.library.models)
         except NotFound:
-            inputs = []
+            question, inputs = None, []
+
+        def grade(text_of: TextOf) -> dict[int, ReferenceOutcome]:
+            if isinstance(question, ScriptQuestion):
+                plan_exercise(question, self.library.model_xml, first, text_of)  # notes the author's programs
+            return {seed: grade_one(self.opened(), reference, seed) for seed in seeds}
+
         return self.passed.run(
             "reference",
             [*inputs, *map(str, vars(reference).values()), str(self.draws)],
-            lambda _: {seed: grade_one(self.opened(), reference, seed) for seed in seeds},
+            grade,
             text_of=self.library.text,
             write=lambda outcomes: None if [*list_mismatches(reference, outcomes)] else [*map(vars, outcomes.values())],
             read=lambda kept: dict(zip(seeds, (ReferenceOutcome(**one) for one in kept), strict=True)),

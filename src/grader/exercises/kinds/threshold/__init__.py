@@ -13,7 +13,7 @@ from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, 
 from grader.exercises.kinds.threshold.films import record_films, record_timestep
 from grader.exercises.kinds.threshold.judging import driver
 from grader.exercises.kinds.threshold.judging.described import describe
-from grader.exercises.kinds.threshold.judging.judge import Claim, has_limit, judge_claim, read_claim
+from grader.exercises.kinds.threshold.judging.judge import Bracket, Claim, NoLimit, has_limit, judge_claim, read_claim
 from grader.exercises.kinds.threshold.limits import describe_expected, find_accepted_ends
 from grader.exercises.kinds.threshold.mistakes import describe_right_search, name_the_mistake, write_lazy_scripts
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters, build_cells
@@ -77,6 +77,15 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
     def name_mistake(self, parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> str | None:
         """Returns the sentence of the first wrong method that gives the student's claims."""
         return name_the_mistake(parameters, judged)
+
+    def is_alike(
+        self, parameters: ThresholdParameters, trial: Trial[Cell], one: Judgement[Claim], other: Judgement[Claim]
+    ) -> bool:
+        """Whether two brackets have a timestep in common, or both claim that there is no limit."""
+        mine, its = one.outcome, other.outcome
+        if isinstance(mine, Bracket) and isinstance(its, Bracket):
+            return mine.low <= its.high and its.low <= mine.high
+        return isinstance(mine, NoLimit) and isinstance(its, NoLimit)
 
     def describe_success(self, parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> str:
         """Returns how many simulations a visible search took, and how many a bisection needs."""

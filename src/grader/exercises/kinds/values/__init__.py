@@ -6,7 +6,7 @@ from inspect import getsource
 from typing import Any
 
 from grader.domain.run import Job, RunReport
-from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Mistake, Results, Trial
+from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Mistake, Results, TextOf, Trial
 from grader.exercises.kinds.values.judging import driver
 from grader.exercises.kinds.values.judging.described import describe
 from grader.exercises.kinds.values.judging.judge import Comparisons, compute_tolerance, judge_calls
@@ -25,6 +25,7 @@ class Values(Kind[ValuesParameters, Problem, Comparisons]):
     driver = getsource(driver)
     how = "Your function is called with the inputs of each case, and its results are compared with the author's."
     needs_model = False
+    runs_wrong_programs = True
 
     def build_trials(self, parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Sequence[Trial[Problem]]:
         """Returns the calls of one case."""
@@ -47,6 +48,10 @@ class Values(Kind[ValuesParameters, Problem, Comparisons]):
     def judge(self, parameters: ValuesParameters, trial: Trial[Problem], results: Results) -> Judgement[Comparisons]:
         """Compares every call with the author's program, or computes its residual."""
         return judge_calls(trial.problem, results)
+
+    def write_wrong_script(self, parameters: ValuesParameters, index: int, text_of: TextOf) -> str:
+        """Returns the author's program, with the functions of the wrong one in place of its own."""
+        return f"{text_of(parameters.program)}\n\n{text_of(parameters.mistakes[index].program)}"
 
     def name_mistake(
         self, parameters: ValuesParameters, judged: Sequence[JudgedTrial[Problem, Comparisons]]

@@ -16,7 +16,7 @@ from grader.errors import GraderError
 from grader.exercises.kind import DrawnCase, TextOf
 from grader.exercises.kinds.values.judging.driver import Rows, call_function, compile_model, start_data
 from grader.exercises.kinds.values.judging.problem import Call
-from grader.exercises.parameters import CASES_MAX, Case, ExerciseParameters, Strict, WrongParameter
+from grader.exercises.parameters import CASES_MAX, Case, ExerciseParameters, Strict, WrongParameter, WrongProgram
 
 Name = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
 
@@ -119,15 +119,9 @@ class ValuesCase(Case):
     calls: int = Field(default=1, ge=1, le=20)
 
 
-class WrongProgram(Strict):
-    """A program that makes a mistake, and the sentence for a student whose results it gives."""
-
-    program: str = Field(min_length=1)
-    sentence: str = Field(min_length=1)
-
-
 class ValuesParameters(ExerciseParameters):
-    """`program` is the path of the author's program in the content folder."""
+    """`program` is the path of the author's program in the content folder. The programs of `mistakes` define one
+    or more of the functions; they run in the grader's own process."""
 
     program: str = Field(min_length=1)
     functions: tuple[Function, ...] = Field(min_length=1, max_length=20)

@@ -1,0 +1,117 @@
+"""Finds every fault of an exercise's parameters: reads them, and rehearses the trials of every case."""
+
+import ast
+from collections.abc import Iterator, Sequence
+
+from pydantic import ValidationError
+
+from grader.domain.misread import misread
+from grader.errors import Fault, GraderError
+from grader.exercises.kind import Content, TextOf
+from grader.exercises.parameters import Case, ExerciseParameters, list_ends, list_keys
+from grader.exercises.planning import (
+    AnyKind,
+    AnyTrial,
+    build_case_trials,
+    load_kinds,
+    read_parameters,
+    refuse_text,
+)
+from grader.questions import ModelXml, Question
+from grader.questions.kinds.script import ScriptQuestion
+
+
+def check_exercise(question: Question, model_xml: ModelXml, where: str, text_of: TextOf = refuse_text) -> list[Fault]:
+    """Returns every fault of an exercise's `check`, each once, none of other questions; `where` is the quiz file."""
+    if not isinstance(question, ScriptQuestion):
+        return []
+    kind = load_kinds().get(question.check.kind)
+    if kind is None:
+        known = ", ".join(sorted(load_kinds()))
+        why = f"no kind of exercise is called {question.check.kind!r}; use {known}, or install the package that has it"
+        return [Fault(where, f"{question.id}.check.kind", why)]
+    try:
+        parameters = read_parameters(kind, question)
+    except ValidationError as error:
+        found = explain_misread_parameters(kind, question, error)
+    else:
+        found = find_wrong_parameters(kind, parameters, Content(question.entry, model_xml, text_of))
+    return [Fault(where, ".".join(filter(None, (question.id, "check", key))), why) for key, why in dict.fromkeys(found)]
+
+
+def explain_misread_parameters(
+    kind: AnyKind, question: ScriptQuestion, error: ValidationError
+) -> Iterator[tuple[str, str]]:
+    """Yields key and reason of every parameter that pydantic refused."""
+    known = list_keys(kind.parameters)
+    for place, why in misread(error, question.check.parameters, lambda _: known):
+        yield ".".join(map(str, place)), why
+
+
+def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content: Content) -> Iterator[tuple[str, str]]:
+    """Rehearses the trials of every case; yields key and reason of every parameter that cannot work."""
+    if not kind.runs_wrong_programs:
+        yield from find_wrong_scripts(parameters, content)
+    ids = [case.id for case in parameters.cases]
+    trials: list[AnyTrial] = []
+    for index, case in enumerate(parameters.cases):
+        key = f"cases.{index}"
+        if case.id in ids[:index]:
+            yield f"{key}.id", f"{case.id} is used twice; give each case its own id"
+        if unknown := list(find_unknown_numbers(parameters, case, key)):
+            yield from unknown
+            continue
+        try:
+            trials.extend(rehearse_case(kind, parameters, case, content, index))
+        except (ValueError, KeyError, GraderError) as error:
+            yield getattr(error, "key", key), str(error.args[0])
+    if {trial.case.id for trial in trials if trial.case} == {*ids}:
+        try:
+            for trial in kind.build_further_trials(parameters, trials):
+                kind.rehearse(parameters, trial)
+        except (ValueError, KeyError) as error:
+            yield getattr(error, "key", ""), str(error.args[0])
+
+
+def find_wrong_scripts(parameters: ExerciseParameters, content: Content) -> Iterator[tuple[str, str]]:
+    """Yields key and reason of every script of `mistakes` that cannot be read, or does not define the entry."""
+    for index, mistake in enumerate(parameters.mistakes):
+        key = f"mistakes.{index}.program"
+        try:
+            defined = list_defined(content.text_of(mistake.program))
+        except GraderError as error:
+            yield key, str(error)
+        except SyntaxError as error:
+            yield key, f"{mistake.program}: line {error.lineno}: {error.msg}"
+        else:
+            if content.entry not in defined:
+                yield key, f"{mistake.program} defines no function {content.entry}: write it like a student's script"
+
+
+def list_defined(source: str) -> set[str]:
+    """Returns the names of the functions that a script defines. Raises SyntaxError."""
+    try:
+        return {part.name for part in ast.parse(source).body if isinstance(part, ast.FunctionDef)}
+    except (ValueError, RecursionError) as error:
+        raise SyntaxError(str(error)) from error
+
+
+def rehearse_case(
+    kind: AnyKind, parameters: ExerciseParameters, case: Case, content: Content, index: int
+) -> Sequence[AnyTrial]:
+    """Builds and rehearses the trials of a case at both ends of its ranges and for a draw; returns those of the last.
+    Raises ValueError, KeyError or GraderError where a trial cannot be built or judged."""
+    ends = [end for end in list_ends(case) if end != case]
+    trials: Sequence[AnyTrial] = ()
+    for one in (*ends, case):
+        trials = build_case_trials(kind, parameters, one, content, [0, index])
+        for trial in trials:
+            kind.rehearse(parameters, trial)
+    return trials
+
+
+def find_unknown_numbers(parameters: ExerciseParameters, case: Case, key: str) -> Iterator[tuple[str, str]]:
+    """Yields key and reason of every number that a case sets and `numbers` does not define."""
+    known = ", ".join(parameters.numbers) or "none"
+    for name in case.set.keys() - parameters.numbers.keys():
+        yield f"{key}.set.{name}", f"no number has this name; `numbers` has {known}"

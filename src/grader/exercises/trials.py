@@ -1,0 +1,82 @@
+"""Judges every trial of one run in the jail."""
+
+import builtins
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grader.domain.run import RunReport
+from grader.domain.verdict import Status
+from grader.exercises.crashes import explain_error
+from grader.exercises.driving.playing import Played
+from grader.exercises.judgement import Judgement, Results
+from grader.exercises.measuring import Run, Unmeasured, measure
+from grader.exercises.planning import AnyKind, AnyTrial, Plan
+from grader.exercises.trace import is_line
+
+ENDED = "The script ended before this case."
+
+RAISED_CHARS_MAX = 1000
+
+
+def judge_trials(kind: AnyKind, plan: Plan, report: RunReport, run: Run) -> list[tuple[Judgement[Any], Status | None]]:
+    """Returns the judgement on each trial of a script that returned; with a status if it ended before the kind could
+    judge it. Raises JailFault."""
+    parts = {False: report.results, True: report.hidden_results}
+    results = [select_results(parts[trial.hidden], index) for index, trial in enumerate(plan.trials)]
+    records = report.talked.records if isinstance(report.talked, Played) else {}
+    return [
+        judge_trial(kind, plan, trial, part, run) if not kind.plays else judge_played(kind, plan, index, part, records)
+        for index, (trial, part) in enumerate(zip(plan.trials, results, strict=True))
+    ]
+
+
+def judge_trial(
+    kind: AnyKind, plan: Plan, trial: AnyTrial, results: Results, run: Run
+) -> tuple[Judgement[Any], Status | None]:
+    """Returns the judgement on a trial; with a status if it ended before the kind could judge it."""
+    if (raised := read_raised(results, trial)) is not None:
+        return raised, Status.CRASHED
+    if kind.measurement is not None:
+        measured = measure(kind.measurement, trial, results, run)
+        if isinstance(measured, Unmeasured):
+            return Judgement(False, measured.why, None, measured.detail), measured.status
+        results = measured
+    return kind.judge(plan.parameters, trial, results), None
+
+
+def judge_played(
+    kind: AnyKind, plan: Plan, index: int, results: Results, records: Mapping[int, Any]
+) -> tuple[Judgement[Any], Status | None]:
+    """Returns the judgement on a trial of a kind that plays; with a status if it ended before it could be judged."""
+    trial = plan.trials[index]
+    if index not in records:
+        raised = read_raised(results, trial)
+        return raised or Judgement(False, ENDED, None), Status.CRASHED
+    judgement = kind.judge(plan.parameters, trial, records[index])
+    return judgement, Status.CRASHED if judgement.crashed else None
+
+
+def select_results(results: Results, index: int) -> dict[str, NDArray[np.generic]]:
+    """Returns the results of one trial under the driver's own names."""
+    prefix = f"t{index}_"
+    return {name.removeprefix(prefix): values for name, values in results.items() if name.startswith(prefix)}
+
+
+def read_raised(results: Results, trial: AnyTrial) -> Judgement[Any] | None:
+    """Returns the judgement of a trial in which the script raised; None if it did not. What the harness says is a
+    claim: of a hidden trial only the name of a built-in exception and a line are shown."""
+    if "raised" not in results:
+        return None
+    try:
+        said = json.loads(results["raised"].tobytes())
+        what, line = str(said["raised"])[:RAISED_CHARS_MAX], said["line"]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        what, line = "", None
+    if trial.hidden and not isinstance(vars(builtins).get(what), type):
+        what = ""
+    place = f", in line {line} of your script" if is_line(line) else ""
+    return Judgement(False, f"{explain_error(what or 'An exception', place)}.", None)
