@@ -1,4 +1,4 @@
-"""`grader author`: write a question, and see it certified while you type."""
+"""`grader author` and `grader convert`: write questions, as JSON or Markdown, and see them certified while you type."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,3 +25,21 @@ def author(
     root = find_content_root(folder or settings.content)
     say(f"{root} at http://{HOST}:{port} until you press Ctrl-C")
     serve_author(root, PassedChecks(settings.cache), open_pipeline, port)
+
+
+@cli.command()
+def convert(
+    file: Annotated[Path, typer.Argument(help="A quiz: quizzes/NAME.json or quizzes/NAME.md.")],
+    *,
+    write: Annotated[
+        bool, typer.Option("--write", help="Write it beside the file, which gets a ~ at its end.")
+    ] = False,
+) -> None:
+    """Print a quiz of JSON as Markdown, or of Markdown as JSON: the same quiz, without loss."""
+    from grader.library.conversion import convert_file, write_converted
+
+    if write:
+        for written in write_converted(file):
+            print(written)
+    else:
+        print(next(iter(convert_file(file).values())), end="")

@@ -26,11 +26,13 @@ def lesson(
     quiz: Annotated[str, typer.Argument(help="The id of its quiz, such as 2.1-check.")],
     title: Annotated[str, typer.Option(help="The title of the quiz.")] = "Knowledge check",
     folder: Folder = HERE,
+    *,
+    markdown: Annotated[bool, typer.Option("--markdown", help="Write it as Markdown, not as JSON.")] = False,
 ) -> None:
     """A quiz of one question; the number at the head of its id says of which lesson it is."""
     from grader.library import scaffold
 
-    tell(scaffold.begin_quiz(folder, quiz, title))
+    tell(scaffold.begin_quiz(folder, quiz, title, as_markdown=markdown))
 
 
 @cli.command()

@@ -176,8 +176,7 @@ class ContentCheck:
         """Reports a fault for every script that does not solve the exercise and earns too many points."""
         library = self.library
         self.doing(f"grading scripts that do not solve {quiz_id} {question.id}")
-        starter = read_text(library.root, question.starter, SOURCE_BYTES_MAX) if question.starter else None
-        own = starter if isinstance(starter, str) else None
+        own = library.starter(question)
         for name, points, most in self.passed.run(
             "lazy answers",
             [*list_inputs(question, library.models), own or ""],

@@ -32,21 +32,24 @@ def read_text(root: Path, name: str, bytes_max: int) -> str | Fault:
         return Fault(name, "path", f"cannot be read: {error.strerror}")
 
 
-ENDINGS = {"quizzes": ".json", "lessons": ".md", "models": ".xml"}
+ENDINGS = {"quizzes": (".json", ".md"), "lessons": (".md",), "models": (".xml",)}
 """What the files end in that are read, by folder."""
 
-NEAR_ENDINGS = frozenset((".json5", ".jsonc", ".mjcf", ".urdf"))
+NEAR_ENDINGS = {".json5": ".json", ".jsonc": ".json", ".markdown": ".md", ".mjcf": ".xml", ".urdf": ".xml"}
+"""Endings that are meant for another one."""
 
 
 def list_unread_files(root: Path) -> Iterator[Fault]:
     """Yields a fault for each file whose ending is a misspelling of the one that is read, such as `.jsn`."""
-    for folder, ending in ENDINGS.items():
+    for folder, endings in ENDINGS.items():
         for file in list_files(root, folder, "*"):
             name, last = Path(file).with_suffix("").name, Path(file).suffix
-            doubled = Path(name).suffix == ending  # Windows hides the second ending
-            near = last in NEAR_ENDINGS or bool(last[-1:].isalnum() and get_close_matches(last.lower(), [ending]))
-            if last != ending and (doubled or near) and (root / file).is_file():
-                right = name if doubled else f"{name}{ending}"
+            if last in endings or not (root / file).is_file():
+                continue
+            doubled = Path(name).suffix in endings  # Windows hides the second ending
+            meant = NEAR_ENDINGS.get(last) or next(iter(get_close_matches(last.lower(), endings, 1)), "")
+            if doubled or (meant and last[-1:].isalnum()):
+                right = name if doubled else f"{name}{meant if meant in endings else endings[0]}"
                 yield Fault(file, "ending", f"is not read: rename it to {folder}/{right}")
 
 

@@ -1,27 +1,24 @@
 """Reads the text of a lesson: Markdown in which empty fences place quizzes and labs. Regular expressions read no
 Markdown: markdown-it-py parses it (CommonMark with tables)."""
 
-import html
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePath
-from typing import Any
 
-from markdown_it import MarkdownIt
-from markdown_it.renderer import RendererHTML
-from markdown_it.rules_inline import StateInline
 from markdown_it.token import Token
 
 from grader.domain.markup import plain_text, quoted
-from grader.domain.prose import DISPLAY, INLINE
 from grader.errors import Fault
+from grader.library.markdown.parser import make_parser, split_blocks
 from grader.library.prose_remarks import list_prose_remarks
 from grader.questions import Quiz
 
 LESSON_BYTES_MAX = 256 << 10
 BLOCKS_MAX = 2000
 """Paragraphs, lists, tables and the like of one lesson."""
+
+PARSER = make_parser(escapes_formulas=True)
 
 NUMBERED = re.compile(r"(\d+(?:\.\d+)*)-")
 UNFIT = re.compile(r"[^a-z0-9]+")
@@ -155,10 +152,10 @@ def find_lesson_id(quiz_id: str) -> str:
 def read_lesson(markdown: str, file: str, quizzes: Mapping[str, Quiz]) -> tuple[LessonText, list[Fault], list[Fault]]:
     """Returns the lesson of a file such as `lessons/1.3.md`, its faults and its remarks, each with its line."""
     reading = _Reading(file, quizzes)
-    tokens = _PARSER.parse(markdown)
+    tokens = PARSER.parse(markdown)
     if reading.lesson not in {find_lesson_id(quiz_id) for quiz_id in quizzes}:
         reading.fault(1, f"no quiz is of lesson {reading.lesson!r}: name the file like the number of its quizzes")
-    blocks = list(_split_blocks(tokens))
+    blocks = split_blocks(tokens)
     if len(blocks) > BLOCKS_MAX:
         reading.fault(1, f"has {len(blocks)} blocks, at most {BLOCKS_MAX} are read: split the lesson")
     for block in blocks[:BLOCKS_MAX]:
@@ -167,16 +164,6 @@ def read_lesson(markdown: str, file: str, quizzes: Mapping[str, Quiz]) -> tuple[
         reading.fault(1, "has no title: begin it with a line such as # Integrators")
     reading.check_links()
     return LessonText(reading.lesson, reading.title, tuple(reading.parts)), reading.faults, reading.remarks
-
-
-def _split_blocks(tokens: list[Token]) -> Iterator[list[Token]]:
-    """Yields the tokens of each block that is in no other."""
-    block: list[Token] = []
-    for token in tokens:
-        block.append(token)
-        if token.level == 0 and token.nesting <= 0:
-            yield block
-            block = []
 
 
 def _read_block(reading: _Reading, block: list[Token]) -> None:
@@ -195,44 +182,11 @@ def _read_block(reading: _Reading, block: list[Token]) -> None:
         if token.type == "heading_open" and token is not first:
             reading.fault(at, "a heading stands in a list or quotation: take it out")
     if first.type == "heading_open":
-        markup = _PARSER.renderer.render(block[1:-1], _PARSER.options, {})
+        markup = PARSER.renderer.render(block[1:-1], PARSER.options, {})
         reading.add_heading(line, int(first.tag[1:]), markup)
     elif first.type == "fence" and first.info.split()[:1] and first.info.split()[0] in PLACES:
         reading.add_place(line, first)
     else:
         for token in block:
             token.info = ""  # the language of code would become a class, which no page keeps
-        reading.add_block(line, _PARSER.renderer.render(block, _PARSER.options, {}))
-
-
-def _read_formula(state: StateInline, silent: bool) -> bool:
-    """Takes a formula between dollars as it is: `_` and `*` in it are TeX."""
-    if state.src[state.pos] != "$":
-        return False
-    match = DISPLAY.match(state.src, state.pos) or INLINE.match(state.src, state.pos)
-    if match is None:
-        return False
-    if not silent:
-        state.push("formula", "", 0).content = match[0]
-    state.pos = match.end()
-    return True
-
-
-def _render_formula(_: RendererHTML, tokens: list[Token], index: int, *_rest: Any) -> str:
-    return html.escape(tokens[index].content, quote=False)
-
-
-def _render_text(_: RendererHTML, tokens: list[Token], index: int, *_rest: Any) -> str:
-    """A dollar that begins no formula stays one."""
-    return html.escape(tokens[index].content, quote=False).replace("$", "&#36;")
-
-
-def _make_parser() -> MarkdownIt:
-    parser = MarkdownIt("commonmark", {"html": True}).enable("table")
-    parser.inline.ruler.before("escape", "formula", _read_formula)
-    parser.add_render_rule("formula", _render_formula)
-    parser.add_render_rule("text", _render_text)
-    return parser
-
-
-_PARSER = _make_parser()
+        reading.add_block(line, PARSER.renderer.render(block, PARSER.options, {}))

@@ -11,10 +11,12 @@ from typing import Any
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import ContentError, Fault, NotFound
 from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, list_unread_files, read_text
-from grader.library.json_text import json_faults, parse_json
+from grader.library.json_text import json_faults
 from grader.library.lesson_text import LESSON_BYTES_MAX, LessonText, read_lesson
 from grader.library.mjcf import flattened, inline_faults, model_faults
 from grader.library.passed import NOTHING_PASSED, PassedChecks
+from grader.library.quiz_files import list_quiz_files, parse_quiz
+from grader.library.quiz_source import QuizSource
 from grader.library.schema import named_parts, read_quiz
 from grader.library.semantics import (
     lab_warnings,
@@ -50,14 +52,14 @@ class _Loading:
 
 
 def load(root: Path, only: str | None = None, passed: PassedChecks = NOTHING_PASSED) -> Library:
-    """Load quizzes/*.json, lessons/*.md, models/*.xml and the starters that the quizzes name, below `root`. Raises
-    ContentError with all faults of all files; lessons are read once the rest has none. With `only`, the library holds
-    that quiz alone: all files are read, but neither labs nor exercises of other quizzes are tried, which takes most of
-    the time; nor is what has `passed` before."""
+    """Load quizzes/*.json and *.md, lessons/*.md, models/*.xml and the starters that the quizzes name, below `root`.
+    Raises ContentError with all faults of all files; lessons are read once the rest has none. With `only`, the library
+    holds that quiz alone: all files are read, but neither labs nor exercises of other quizzes are tried, which takes
+    most of the time; nor is what has `passed` before."""
     loading = _Loading(root, passed, only)
     loading.faults += list_unread_files(root)
     _load_models(loading)
-    names = list_files(root, "quizzes", "*.json")
+    names = list_quiz_files(root)
     if not names:
         name = root.name or root
         lacks = f"no quiz in {name}: is this a content folder?" if root.is_dir() else f"there is no folder {name}"
@@ -100,17 +102,25 @@ def _load_models(loading: _Loading) -> None:
 
 def _load_quiz(loading: _Loading, file: str) -> None:
     text = read_text(loading.root, file, QUIZ_BYTES_MAX)
-    raw = text if isinstance(text, Fault) else parse_json(text, file)
-    if isinstance(text, Fault) or isinstance(raw, Fault):
-        loading.faults.append(text if isinstance(text, Fault) else raw)
+    source = QuizSource(None, (text,)) if isinstance(text, Fault) else parse_quiz(text, file)
+    if isinstance(text, Fault) or source.faults:
+        loading.faults += source.faults
         return
-    if not isinstance(raw, dict):
+    if not isinstance(source.raw, dict):
         loading.faults.append(Fault(file, "whole file", 'must be an object: {"id", "title", "questions": [...]}'))
         return
+    faults, warnings = len(loading.faults), len(loading.warnings)
+    _load_source(loading, file, text, source.raw, source.starters)
+    loading.faults[faults:] = map(source.add_line, loading.faults[faults:])
+    loading.warnings[warnings:] = map(source.add_line, loading.warnings[warnings:])
+
+
+def _load_source(loading: _Loading, file: str, text: str, raw: dict[str, Any], own: Mapping[str, str]) -> None:
+    """Loads what the file of a quiz says; `own` are the starters that stand in it."""
     parsed = read_quiz(raw, file)
     known = [(key, part) for key, part in named_parts(raw) if not of_unknown_kind(part)]
     refused = [fault for key, part in known for fault in inline_faults(part, file, key)]
-    loading.faults += [*parsed.faults, *_raw_faults(loading, raw, file), *refused]
+    loading.faults += [*parsed.faults, *_raw_faults(loading, raw, file, own), *refused]
     keys = [fault.key for fault in refused]
     if loading.only not in (None, raw.get("id")):
         return
@@ -130,7 +140,8 @@ def _load_quiz(loading: _Loading, file: str) -> None:
     starters = _starters(loading, parsed.quiz)
     models = {f"models/{name}.xml": xml for name, xml in loading.models.items()}
     loading.digests[quiz_id] = digest_of({file: text}, loading.models, starters, named)
-    loading.sources[quiz_id] = {file: text, **models, **starters, **named}
+    beside = {path: starter for path, starter in starters.items() if path not in own}
+    loading.sources[quiz_id] = {file: text, **models, **beside, **named}
 
 
 def _load_lessons(loading: _Loading) -> None:
@@ -154,12 +165,12 @@ def _read_into(texts: dict[str, str], root: Path, path: str) -> str:
     return text
 
 
-def _raw_faults(loading: _Loading, raw: dict[str, Any], file: str) -> Iterator[Fault]:
+def _raw_faults(loading: _Loading, raw: dict[str, Any], file: str, own: Mapping[str, str]) -> Iterator[Fault]:
     """Faults that are found in the JSON itself, whether or not the question is valid."""
     for key, part in named_parts(raw):
         yield from json_faults(part, file, key)
         yield from unknown_models(part, loading.models, file, key)
-        starter, faults = read_starter(loading.root, part, file, key)
+        starter, faults = read_starter(loading.root, part, file, key, own)
         if starter is not None:
             loading.starters[part["starter"]] = starter
         yield from faults

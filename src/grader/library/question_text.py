@@ -4,13 +4,31 @@ import json
 import re
 
 from grader.errors import NotFound
+from grader.library.quiz_files import is_markdown, parse_quiz
 
 SPACE = re.compile(r"[\s,]*")
 
 
-def find_question(text: str, question: str) -> tuple[int, int]:
-    """Returns where the JSON of a question begins and ends in the text of a quiz. Raises NotFound, also for a text that
-    is no JSON up to there."""
+def find_question(text: str, question: str, file: str) -> tuple[int, int]:
+    """Returns where the source of a question begins and ends in the text of a quiz. Raises NotFound, also for a text
+    that is no JSON up to there."""
+    return (find_section if is_markdown(file) else find_object)(text, question, file)
+
+
+def find_section(text: str, question: str, file: str) -> tuple[int, int]:
+    """Returns where a question of Markdown begins and ends: from its heading to the next. Raises NotFound."""
+    starts = parse_quiz(text, file).questions
+    if question not in starts:
+        raise NotFound(f"The file holds no question {question!r}.")
+    lines = text.splitlines(keepends=True)
+    begin = starts[question] - 1
+    end = min((start - 1 for start in starts.values() if start - 1 > begin), default=len(lines))
+    before = "".join(lines[:begin])
+    return len(before), len(before) + len("".join(lines[begin:end]).rstrip())
+
+
+def find_object(text: str, question: str, _file: str) -> tuple[int, int]:
+    """Returns where the JSON of a question begins and ends. Raises NotFound."""
     decoder, position = json.JSONDecoder(), find_list(text)
     for number in range(1, len(text)):
         position = SPACE.match(text, position).end()  # type: ignore[union-attr]
@@ -39,7 +57,7 @@ def find_list(text: str) -> int:
     raise NotFound("The file holds no list of questions that can be read.")
 
 
-def replace_question(text: str, question: str, source: str) -> str:
-    """Returns the text of a quiz with another JSON of a question. Raises NotFound."""
-    start, end = find_question(text, question)
+def replace_question(text: str, question: str, source: str, file: str) -> str:
+    """Returns the text of a quiz with another source of a question. Raises NotFound."""
+    start, end = find_question(text, question, file)
     return text[:start] + source.strip() + text[end:]

@@ -10,7 +10,9 @@ from typing import Any
 from grader.errors import Conflict, ContentError, Fault, NotFound, Unprocessable
 from grader.library.files import QUIZ_BYTES_MAX, list_files, read_text
 from grader.library.json_schema import build_quiz_schema
-from grader.library.json_text import parse_json
+from grader.library.markdown import write_markdown, write_question
+from grader.library.quiz_files import is_markdown, list_quiz_files, parse_quiz
+from grader.library.quiz_source import QuizSource
 from grader.library.semantics import named_models
 from grader.questions import Quiz, installed_kinds
 from grader.settings import default_content
@@ -38,9 +40,9 @@ def begin_course(root: Path) -> list[Path]:
     return begin_quiz(root, FIRST_QUIZ, "Knowledge check")
 
 
-def begin_quiz(root: Path, quiz: str, title: str) -> list[Path]:
-    """Makes a quiz of one question. Returns the files. Raises Conflict where its file is there, and Unprocessable for a
-    name that is no id."""
+def begin_quiz(root: Path, quiz: str, title: str, *, as_markdown: bool = False) -> list[Path]:
+    """Makes a quiz of one question, as JSON or Markdown. Returns the files. Raises Conflict where its file is there, and
+    Unprocessable for a name that is no id."""
     try:
         Quiz.model_validate({"id": quiz, "title": title})
     except ValueError as error:
@@ -48,10 +50,13 @@ def begin_quiz(root: Path, quiz: str, title: str) -> list[Path]:
             f"{quiz!r} is no id: 1 to 64 letters, digits, dots, dashes and underscores, such as 2.1-check"
         ) from error
     document = {"$schema": f"../{SCHEMA}", "id": quiz, "title": title, "questions": []}
-    if any((root / file).stem == quiz for file in list_files(root, "quizzes", "*.json")):
-        raise Conflict(f"{root / 'quizzes' / quiz}.json is there already: add to it, or choose another id")
-    schema = {} if (root / SCHEMA).exists() else {SCHEMA: json.dumps(build_quiz_schema(), indent=1) + "\n"}
-    written = write_files(root, {**schema, f"quizzes/{quiz}.json": write_json(document)})
+    if there := next((file for file in list_quiz_files(root) if Path(file).stem == quiz), None):
+        raise Conflict(f"{root / there} is there already: add to it, or choose another id")
+    if as_markdown:
+        written = write_files(root, {f"quizzes/{quiz}.md": write_markdown({"id": quiz, "title": title})})
+    else:
+        schema = {} if (root / SCHEMA).exists() else {SCHEMA: json.dumps(build_quiz_schema(), indent=1) + "\n"}
+        written = write_files(root, {**schema, f"quizzes/{quiz}.json": write_json(document)})
     add_question(root, quiz, "mcq")
     return written
 
@@ -113,24 +118,32 @@ def add_sample(root: Path, quiz: str, sample: Sample) -> list[Path]:
     such a quiz, ContentError where its file cannot be read, and Conflict where a file of another text is there."""
     file, document = find_quiz(root, quiz)
     named = sample.question.get("id") or sample.question["kind"]
-    taken = {question.get("id") for question in document["questions"] if isinstance(question, dict)}
+    questions = document.setdefault("questions", [])
+    taken = {question.get("id") for question in questions if isinstance(question, dict)}
     names = chain([named], (f"{named}-{number}" for number in count(2)))
     id_ = next(name for name in names if name not in taken)
-    document["questions"].append({"id": id_, **{key: value for key, value in sample.question.items() if key != "id"}})
+    question = {"id": id_, **{key: value for key, value in sample.question.items() if key != "id"}}
     right = {} if sample.right is None else {f"reference_solutions/{quiz}/{id_}/correct__example.py": sample.right}
     written = write_files(root, {**sample.files, **right})
-    (root / file).write_text(write_json(document), encoding="utf-8")
+    if is_markdown(file):
+        text = f"{(root / file).read_text(encoding='utf-8').rstrip()}\n\n{write_question(question)}\n"
+    else:
+        questions.append(question)
+        text = write_json(document)
+    (root / file).write_text(text, encoding="utf-8")
     return [root / file, *written]
 
 
 def find_quiz(root: Path, quiz: str) -> tuple[str, dict[str, Any]]:
-    """Returns the file of a quiz and its JSON. Raises NotFound, and ContentError where a file cannot be read."""
-    for file in list_files(root, "quizzes", "*.json"):
+    """Returns the file of a quiz and what it says. Raises NotFound, and ContentError where a file cannot be read."""
+    for file in list_quiz_files(root):
         text = read_text(root, file, QUIZ_BYTES_MAX)
-        document = text if isinstance(text, Fault) else parse_json(text, file)
-        if isinstance(document, Fault):
-            raise ContentError([document])
-        if isinstance(document, dict) and document.get("id") == quiz and isinstance(document.get("questions"), list):
+        source = QuizSource(None, (text,)) if isinstance(text, Fault) else parse_quiz(text, file)
+        if source.faults:
+            raise ContentError(source.faults)
+        document = source.raw
+        is_it = isinstance(document, dict) and document.get("id") == quiz
+        if is_it and isinstance(document.get("questions", []), list):
             return file, document
     raise NotFound(f"There is no quiz {quiz!r} in {root}; `grader new lesson {quiz}` makes one.")
 

@@ -64,15 +64,16 @@ def named_models(raw: Any, key: str) -> Iterator[tuple[str, str]]:
                 yield from named_models(item, dotted(key, name))
 
 
-def read_starter(root: Path, raw: Any, file: str, key: str) -> tuple[str | None, list[Fault]]:
-    """Returns the text of a question's starter, or None, and its faults."""
+def read_starter(root: Path, raw: Any, file: str, key: str, own: Mapping[str, str]) -> tuple[str | None, list[Fault]]:
+    """Returns the text of a question's starter, or None, and its faults. It is one of the file's `own`, by path, or a
+    file of the content folder."""
     name = raw.get("starter") if isinstance(raw, dict) else None
     if not isinstance(name, str):
         return None, []
     at = dotted(key, "starter")
     if not name.endswith(".py"):
         return None, [Fault(file, at, f"{name!r} must be a .py file of the content folder")]
-    source = read_text(root, name, SOURCE_BYTES_MAX)
+    source = own[name] if name in own else read_text(root, name, SOURCE_BYTES_MAX)
     if isinstance(source, Fault):
         return None, [Fault(file, at, f"{name!r} {source.why}" if source.key == "path" else f"{name!r}: {source.why}")]
     entry = raw.get("entry")

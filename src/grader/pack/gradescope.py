@@ -15,6 +15,7 @@ from typing import Any
 from grader.errors import Conflict, Unprocessable
 from grader.exercises import GROUP
 from grader.library import Library, load
+from grader.library.quiz_files import parse_quiz
 from grader.pack.wheel import constraints, entry, write_wheel
 from grader.questions.kinds.script import ScriptQuestion
 
@@ -74,14 +75,14 @@ def content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packe
     explanation, no starter and no reference solution is in it."""
     file = library.file(quiz)
     sources = library.sources[quiz]
-    raw = json.loads(sources[file])
+    raw: dict[str, Any] = parse_quiz(sources[file], file).raw or {}
     place = [one.id for one in library.quiz(quiz).questions].index(question.id)
     asked = {key: value for key, value in raw["questions"][place].items() if key not in LEFT_OUT}
     reduced: dict[str, Any] = {key: raw[key] for key in KEPT if key in raw}
     reduced["questions"] = [{**asked, "id": question.id}]
     named = json.dumps(reduced)
     texts = {path: text for path, text in sources.items() if path.startswith(MODELS) or json.dumps(path) in named}
-    texts[file] = json.dumps(reduced, ensure_ascii=False, indent=2)
+    texts[str(Path(file).with_suffix(".json"))] = json.dumps(reduced, ensure_ascii=False, indent=2)
     files = [Packed(path, text.encode(), mode_of(path)) for path, text in texts.items()]
     with TemporaryDirectory(prefix="grader-pack-") as folder:
         write_folder(Path(folder, "content"), files)

@@ -8,16 +8,15 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Condition, Thread
-from typing import Any
 
 from grader.errors import ContentError, Fault, NotFound, Outdated
 from grader.grading.checking import Report, check_content
 from grader.grading.pipeline import Pipeline
 from grader.grading.selection import Selection
 from grader.library import Library, PassedChecks, load
-from grader.library.files import QUIZ_BYTES_MAX, list_files, read_text
-from grader.library.json_text import parse_json
+from grader.library.files import QUIZ_BYTES_MAX, read_text
 from grader.library.question_text import find_question, replace_question
+from grader.library.quiz_files import list_quiz_files, outline_quiz
 
 WATCHED = ("quizzes/**/*", "lessons/*.md", "models/**/*", "programs/**/*", "reference_solutions/*/*/*.py")
 
@@ -65,36 +64,26 @@ class AuthorDesk:
     def list_questions(self) -> list[tuple[str, list[str]]]:
         """Returns the ids of every quiz and its questions, also of those with faults; without files that are no
         JSON."""
-        found = []
-        for file in list_files(self.root, "quizzes", "*.json"):
-            raw = self._parse(file)
-            if isinstance(raw, dict) and isinstance(raw.get("id"), str):
-                items = raw.get("questions") if isinstance(raw.get("questions"), list) else []
-                names = [item.get("id", f"q{at}") for at, item in enumerate(items or [], 1) if isinstance(item, dict)]
-                found.append((raw["id"], [str(name) for name in names]))
-        return found
+        outlines = (outline_quiz(self.root, file) for file in list_quiz_files(self.root))
+        return [outline for outline in outlines if outline is not None]
 
     def find_file(self, quiz: str) -> str:
         """Returns the file of a quiz: by its id, else by its name, as while it is no JSON. Raises NotFound."""
-        files = list_files(self.root, "quizzes", "*.json")
-        for file in files:
-            raw = self._parse(file)
-            if isinstance(raw, dict) and raw.get("id") == quiz:
-                return file
-        if f"quizzes/{quiz}.json" in files:
-            return f"quizzes/{quiz}.json"
-        raise NotFound(f"There is no quiz {quiz!r}.")
-
-    def _parse(self, file: str) -> Any:
-        text = read_text(self.root, file, QUIZ_BYTES_MAX)
-        return text if isinstance(text, Fault) else parse_json(text, file)
+        files = list_quiz_files(self.root)
+        by_id = {outline[0]: file for file in files if (outline := outline_quiz(self.root, file)) is not None}
+        by_name = {Path(file).stem: file for file in files}
+        found = by_id.get(quiz) or by_name.get(quiz)
+        if found is None:
+            raise NotFound(f"There is no quiz {quiz!r}.")
+        return found
 
     def read_source(self, quiz: str, question: str) -> tuple[str, str, bool]:
         """Returns the source of a question, the tag of its file, and whether it is that of the whole file, as while
         the question cannot be found in it. Raises NotFound."""
-        text = self._read_file(self.find_file(quiz))
+        file = self.find_file(quiz)
+        text = self._read_file(file)
         try:
-            start, end = find_question(text, question)
+            start, end = find_question(text, question, file)
         except NotFound:
             return text, tag_of(text), True
         return text[start:end], tag_of(text), False
@@ -110,7 +99,7 @@ class AuthorDesk:
             whole = self.read_source(quiz, question)[2]
             place = self.root / file
             with tempfile.NamedTemporaryFile("wb", dir=place.parent, prefix=".saving-", delete=False) as new:
-                new.write((source if whole else replace_question(text, question, source)).encode())
+                new.write((source if whole else replace_question(text, question, source, file)).encode())
             Path(new.name).chmod(place.stat().st_mode & 0o777)
             if tag_of(self._read_file(file)) != tag:  # by an editor of another program meanwhile
                 Path(new.name).unlink()
