@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 
 import nbformat
 import pytest
-import yaml  # type: ignore[import-untyped]
+import yaml
 
 from grader.library import load
 from grader.pack import pack_gradescope

@@ -8,7 +8,7 @@ from typing import Any
 
 import promql_parser
 import pytest
-import yaml  # type: ignore[import-untyped]
+import yaml
 
 from grader.domain.verdict import Status
 from grader.queue.jobs import TOPICS

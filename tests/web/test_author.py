@@ -11,6 +11,7 @@ from fastapi.testclient import TestClient
 
 from grader.commands.grade import open_pipeline
 from grader.library import PassedChecks
+from grader.library.conversion import write_converted
 from grader.library.question_text import find_question, replace_question
 from grader.questions import installed_kinds, parse_question
 from grader.service.authoring import make_app
@@ -101,7 +102,7 @@ def test_a_change_of_the_file_is_told_with_its_faults(browser: TestClient, folde
 def test_saving_writes_the_question_alone_and_never_overwrites(browser: TestClient, folder: Path) -> None:
     file = folder / "quizzes/1.3-check.json"
     before, page = file.read_text(), browser.get(NUMBER).text
-    start, end = find_question(before, "q2")
+    start, end = find_question(before, "q2", "a.json")
     mine = before[start:end].replace("largest timestep", "longest timestep")
     match = {"If-Match": f'"{tag_in(page)}"', **SENT}
     saved = browser.put("/source/1.3-check/q2", content=mine, headers=match)
@@ -141,9 +142,9 @@ def test_what_is_not_there_is_not_found(browser: TestClient) -> None:
 
 def test_a_question_is_found_in_the_text_as_it_was_written() -> None:
     text = '{ "id": "a", "x-note": "\\"questions\\": [1]",\n "questions": [ {"id": "b",\n "q": "]}" } , {"q": 2}]}'
-    assert text[slice(*find_question(text, "b"))] == '{"id": "b",\n "q": "]}" }'
-    assert text[slice(*find_question(text, "q2"))] == '{"q": 2}'
-    assert json.loads(replace_question(text, "q2", ' {"q": 3} \n'))["questions"][1] == {"q": 3}
+    assert text[slice(*find_question(text, "b", "a.json"))] == '{"id": "b",\n "q": "]}" }'
+    assert text[slice(*find_question(text, "q2", "a.json"))] == '{"q": 2}'
+    assert json.loads(replace_question(text, "q2", ' {"q": 3} \n', "a.json"))["questions"][1] == {"q": 3}
 
 
 @pytest.mark.parametrize("name", [name for name, kind in installed_kinds().items() if not kind.is_script])
@@ -157,3 +158,18 @@ def test_the_first_sample_of_every_kind_is_right_and_another_is_not(name: str) -
     tones = [sample.badge.tone for sample in samples]
     assert tones[0] in ("ok", "wait")
     assert kind.is_prose or set(tones[1:]) - {"ok"}
+
+
+def test_a_question_in_markdown_is_shown_checked_and_saved(browser: TestClient, folder: Path) -> None:
+    [written] = write_converted(folder / "quizzes/1.3-check.json")
+    text = wait_for(browser, NUMBER, "No fault")
+    for part in ("1.3-check.md: q2", "Answer: 5 ms ± 0.05", "Key: certified", "After due"):
+        assert part in text, part
+    source = "##\n\nHow long?\n\nAnswer: 5 ms\n"
+    saved = browser.put("/source/1.3-check/q2", content=source, headers={**SENT, "If-Match": f'"{tag_in(text)}"'})
+    assert saved.status_code == 204
+    assert "How long?\n\nAnswer: 5 ms\n\n##" in written.read_text()
+    assert browser.put("/source/1.3-check/q2", content="", headers={**SENT, "If-Match": '"old"'}).status_code == 412
+    written.write_text(written.read_text().replace("Answer: 5 ms", "Answer: five"))
+    text = wait_for(browser, NUMBER, "no number")
+    assert "write such as Answer:" in text and "q2, &#39;five&#39; is no number" in text

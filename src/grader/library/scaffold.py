@@ -41,8 +41,8 @@ def begin_course(root: Path) -> list[Path]:
 
 
 def begin_quiz(root: Path, quiz: str, title: str, *, as_markdown: bool = False) -> list[Path]:
-    """Makes a quiz of one question, as JSON or Markdown. Returns the files. Raises Conflict where its file is there, and
-    Unprocessable for a name that is no id."""
+    """Makes a quiz of one question, as JSON or Markdown. Returns the files. Raises Conflict where its file is there,
+    and Unprocessable for a name that is no id."""
     try:
         Quiz.model_validate({"id": quiz, "title": title})
     except ValueError as error:
@@ -142,8 +142,9 @@ def find_quiz(root: Path, quiz: str) -> tuple[str, dict[str, Any]]:
         if source.faults:
             raise ContentError(source.faults)
         document = source.raw
-        is_it = isinstance(document, dict) and document.get("id") == quiz
-        if is_it and isinstance(document.get("questions", []), list):
+        if not isinstance(document, dict) or document.get("id") != quiz:
+            continue
+        if isinstance(document.get("questions", []), list):
             return file, document
     raise NotFound(f"There is no quiz {quiz!r} in {root}; `grader new lesson {quiz}` makes one.")
 

@@ -1,6 +1,7 @@
 """Front matter: the keys of a quiz as YAML, of which only what JSON has too is read: no dates, no sexagesimal numbers,
 no `yes`, no anchors."""
 
+import json
 import re
 from collections.abc import Hashable
 from typing import Any
@@ -11,6 +12,9 @@ from grader.errors import Fault
 
 MARK = "---"
 CHARS_MAX = 64 << 10
+
+UNPRINTABLE = re.compile("[\x7f-\x9f\u2028\u2029\ufeff]")
+"""Characters that YAML takes for the end of a line, or not at all."""
 
 SCALARS = (
     ("tag:yaml.org,2002:bool", re.compile(r"^(?:true|false)$"), "tf"),
@@ -42,8 +46,13 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
         return found
 
 
+class _Dumper(yaml.SafeDumper):  # type: ignore[misc]
+    """Writes a text in quotes where this loader, or another one of YAML, would take it for a number or the like."""
+
+
 for _tag, _pattern, _first in SCALARS:
     _Loader.add_implicit_resolver(_tag, _pattern, list(_first))
+    _Dumper.add_implicit_resolver(_tag, _pattern, list(_first))
 
 
 def split_front_matter(text: str) -> tuple[str, str]:
@@ -75,6 +84,15 @@ def read_front_matter(front: str, file: str) -> dict[str, Any] | Fault:
 
 
 def write_front_matter(values: dict[str, Any]) -> str:
-    """Returns the front matter with its marks. Raises yaml.YAMLError for what YAML cannot hold."""
-    text = yaml.safe_dump(values, allow_unicode=True, sort_keys=False, width=10_000)
-    return f"{MARK}\n{text}{MARK}\n"
+    """Returns the front matter with its marks: YAML, or JSON where that does not read back; YAML reads it too. Raises
+    ValueError for what neither can hold."""
+    try:
+        plain = yaml.dump(values, Dumper=_Dumper, allow_unicode=True, sort_keys=False, width=10_000)
+    except (yaml.YAMLError, RecursionError):
+        plain = ""
+    line = json.dumps(values, ensure_ascii=False, allow_nan=False)
+    as_json = UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", line) + "\n"
+    for text in (plain, as_json):
+        if MARK not in text.splitlines() and read_front_matter(text, "") == values:
+            return f"{MARK}\n{text}{MARK}\n"
+    raise ValueError("the keys of this quiz cannot be written as front matter")
