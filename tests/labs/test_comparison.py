@@ -4,11 +4,13 @@ import json
 from pathlib import Path
 
 import pytest
-from pydantic import TypeAdapter
 
-from grader.domain.lab import IntegratorsLab, Lab, SimLab, UnknownLab
+from grader.domain.lab import SimLab, UnknownLab
 from grader.errors import LabRefused
-from grader.labs import check_integrators, run_integrators
+from grader.labs import lab_adapter
+from grader.labs.kinds.integrators import check_integrators
+from grader.labs.kinds.integrators.comparison import run_integrators
+from grader.labs.kinds.integrators.lab import IntegratorsLab
 from grader.questions import Quiz
 
 ROOT = Path(__file__).parents[2]
@@ -83,7 +85,7 @@ def test_another_keyframe_starts_from_another_state() -> None:
 
 def test_models_may_have_labels_and_the_first_is_the_lab_s_own() -> None:
     text = '{"id": "five", "kind": "integrators", "models": [["pendulum", "One"], "double_pendulum"], "duration": 0.5}'
-    lab = TypeAdapter[Lab](Lab).validate_json(text, strict=True)
+    lab = lab_adapter().validate_json(text, strict=True)
     assert isinstance(lab, IntegratorsLab)
     assert (lab.model, lab.seconds) == ("pendulum", 0.5)
     assert lab.offered == {"pendulum": "One", "double_pendulum": "double_pendulum"}
@@ -97,4 +99,4 @@ def test_models_may_have_labels_and_the_first_is_the_lab_s_own() -> None:
     [({"model": "m"}, SimLab), ({"kind": "simlab", "model": "m"}, SimLab), ({"kind": "x"}, UnknownLab)],
 )
 def test_a_lab_without_a_kind_runs_one_scene(keys: dict[str, str], kind: type) -> None:
-    assert type(TypeAdapter[Lab](Lab).validate_python({"id": "lab", **keys})) is kind
+    assert type(lab_adapter().validate_python({"id": "lab", **keys})) is kind

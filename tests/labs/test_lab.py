@@ -87,7 +87,9 @@ def test_a_lab_without_controls_shows_a_tumbling_box() -> None:
     config = LabConfig.model_validate({"model": "tumbling_box", "key": 0, "height": 220})
     assert check_lab(config, BOX, "q.sim") == []
     shown = run_lab(config, BOX).to_json()
-    assert shown["geoms"] == [{"name": "box", "type": "box", "size": [0.05, 0.15, 0.3], "rgba": [0.25, 0.45, 0.7, 1.0]}]
+    assert shown["geoms"] == [
+        {"name": "box", "type": "box", "size": [0.05, 0.15, 0.3], "rgba": [0.25, 0.45, 0.7, 1.0], "body": "box"}
+    ]
     assert len(shown["times"]) == 189
     up = [1 - 2 * (q[4] ** 2 + q[5] ** 2) for (q,) in shown["frames"]]
     assert min(up) < -0.5 < 0.9 < max(up)

@@ -77,8 +77,10 @@ class Services:
         return content.library
 
     def library_for(self, who: Identity | None) -> Library:
-        """Returns the current content of a user's course; of the default course for a browser without a session."""
-        return self.content.of(DEFAULT_COURSE if who is None else who.course).library
+        """Returns the current content of a user's course, with a learner's own numbers; of the default course for a
+        browser without a session."""
+        pipeline = self.content.of(DEFAULT_COURSE if who is None else who.course).pipeline
+        return pipeline.poser.library_of("" if who is None else who.drawn_for)
 
     def require_opened(self, library: Library, who: Identity, quiz: str) -> Policy:
         """As the function, in a transaction of its own. Raises Conflict, NotFound."""

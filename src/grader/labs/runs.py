@@ -17,6 +17,7 @@ from grader.expressions import UNDEFINED, Machine, Program, Run, Value, Vector, 
 from grader.labs.controls import Wish, choose_values, to_value
 from grader.labs.probes import probe_motion
 from grader.labs.programs import LabPrograms, compile_lab
+from grader.labs.pulls import Pull, Puller, check_pulls
 from grader.labs.record import LabRun
 from grader.numerics.drawing import list_drawn_geoms, list_overlays
 from grader.numerics.scene import FULL_STATE, Scene
@@ -31,6 +32,8 @@ STEPS_MAX = 200_000
 CPU_S_MAX = 20.0
 """Most CPU time of a run [s]: ten times what the most steps of the lesson's models take with a controller."""
 FRAMES_PER_SECOND = 60
+FRAMES_PER_CHECK = 16
+"""Frames after which the CPU time is read: with a frame for every step, reading it takes a third of a run."""
 CLOSE_UP_FRAMES = 120
 WARNINGS_MAX = 100
 
@@ -67,6 +70,7 @@ class LabSimulation:
         workspace = Workspace(scene.model)
         self.programs = programs
         self.model, self.data, self.counts = workspace.model, workspace.data, workspace.counts
+        self.warned = workspace.warned
         self.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
         mujoco.mj_setState(self.model, self.data, scene.start_vector, FULL_STATE)
         self.machine, self.saved = Machine(self.model, self.data), scene.start_vector.copy()
@@ -74,6 +78,7 @@ class LabSimulation:
         self.shown = self.own_shown
         self.refreshed: tuple[list[Run], Machine] | None = None
         self.presses: deque[tuple[float, Program]] = deque()
+        self.pullers: list[Puller] = []
         self.every_step, self.close_up_s, self.as_stepped, self.elapsed = False, 0.0, False, 0.0
         self.overlays = list_overlays(config.over_the_scene)
         self.probe_times: list[float] = []
@@ -137,22 +142,79 @@ class LabSimulation:
         last = time.thread_time() + CPU_S_MAX
         self._press()
         self._keep_frame()
+        if self._needs_steps_alone():
+            self._go_each_step(duration, last)
+            return
         while self.elapsed < duration * (1 - 1e-9):
-            if time.thread_time() > last:
-                cure = "take fewer seconds, a larger timestep or a smaller model"
-                raise LabRefused(f"{duration:g} s take more than {CPU_S_MAX:g} s of computing: {cure}.")
+            if len(self.record.times) % FRAMES_PER_CHECK == 0:
+                check_cpu(duration, last)
             h = float(self.model.opt.timestep)
             frame = 1 if self.every_step else max(1, round(self._frame_s() / h))
-            moment = self.presses[0][0] if self.presses else duration
-            count = min(frame, max(1, ceil((moment - self.elapsed) / h - 1e-6)))
-            if self.record.steps + count > STEPS_MAX:
-                too_long = f"{duration:g} s at this timestep take more than {STEPS_MAX} steps"
-                raise LabRefused(f"{too_long}: take fewer seconds or a larger timestep.")
-            stopped = self._step_singly(count) if each_step else self._step_chunk(count, h)
+            count = min(frame, max(1, ceil((self._find_next_moment(duration) - self.elapsed) / h - 1e-6)))
+            check_steps(duration, self.record.steps + count)
+            is_single = each_step or bool(self._list_pulling())
+            stopped = self._step_singly(count) if is_single else self._step_chunk(count, h)
             self._press()
             self._keep_frame()
             if stopped:
                 return
+
+    def pull(self, pulls: Sequence[Pull]) -> None:
+        """Pulls bodies in the run that begins. Raises LabRefused."""
+        check_pulls(pulls)
+        self.pullers = [Puller(self.model, self.data, self.geoms, one) for one in pulls]
+
+    def _list_pulling(self) -> list[Puller]:
+        """Returns what pulls in the next step."""
+        now = self.elapsed + 1e-9
+        return [one for one in self.pullers if one.pull.begin <= now < one.pull.end]
+
+    def _find_next_moment(self, duration: float) -> float:
+        """Returns when a button is pressed next, a pull begins or ends, or else the run ends [s]."""
+        ends = (moment for one in self.pullers for moment in (one.pull.begin, one.pull.end))
+        coming = [moment for moment in ends if moment > self.elapsed + 1e-9]
+        return min([duration, *coming, *(at for at, _ in list(self.presses)[:1])])
+
+    def _needs_steps_alone(self) -> bool:
+        """Whether a frame is kept of every step, and nothing happens between steps but the controller."""
+        alone = (
+            self.every_step and not (self.presses or self.pullers or self.probe_times) and self.programs.stop is None
+        )
+        return alone and (self.as_stepped or not derives_last_stage(self.model))
+
+    def _go_each_step(self, duration: float, last: float) -> None:
+        """Do what `go` does where steps stand alone, in a quarter of the time: certificates run this most."""
+        controller = None if self.programs.controller is None else self.programs.controller.bind(self.machine)
+        model, data, warned, shown = self.model, self.data, self.warned, list(enumerate(self.shown))
+        option, times, rows, step = model.opt, self.record.times, self.record.rows, mujoco.mj_step
+        end, elapsed, steps = duration * (1 - 1e-9), self.elapsed, self.record.steps
+        while elapsed < end:
+            if steps % FRAMES_PER_CHECK == 0:
+                check_cpu(duration, last)
+                check_steps(duration, steps + 1)
+            if controller is not None:
+                controller()
+            h = option.timestep
+            try:
+                step(model, data)
+            except mujoco.FatalError as error:
+                raise LabError("lab", f"MuJoCo: {error}") from error
+            if any(warned):
+                self.elapsed = elapsed
+                self._note_warnings()
+            elapsed += h
+            steps += 1
+            times.append(elapsed)
+            row: list[Value] = []
+            for index, run in shown:
+                try:
+                    value = run()
+                except LabError as error:
+                    value = self._note_failure(index, error)
+                row.append(value if type(value) is float else _copy_value(value))
+            rows.append(row)
+        self.elapsed = self.record.duration_s = elapsed
+        self.record.steps = steps
 
     def _frame_s(self) -> float:
         """Returns the time between two frames [s]."""
@@ -182,11 +244,16 @@ class LabSimulation:
         p = self.programs
         controller = None if p.controller is None else p.controller.bind(self.machine)
         stop = None if p.stop is None else p.stop.bind(self.machine)
+        pulling = self._list_pulling()
         for _ in range(count):
             if controller is not None:
                 controller()
+            for one in pulling:
+                one.apply()
             h = float(self.model.opt.timestep)
             self._call(mujoco.mj_step, nstep=1)
+            for one in reversed(pulling):
+                one.release()
             self._note_warnings()
             self.elapsed += h
             self.record.steps += 1
@@ -219,9 +286,13 @@ class LabSimulation:
         try:
             return _copy_value(run())
         except LabError as error:
-            first, times = self.record.failed.get(index, (error, 0))
-            self.record.failed[index] = (first, times + 1)
-            return UNDEFINED
+            return self._note_failure(index, error)
+
+    def _note_failure(self, index: int, error: LabError) -> Value:
+        """Count a failure of what is shown; return undefined in its place."""
+        first, times = self.record.failed.get(index, (error, 0))
+        self.record.failed[index] = (first, times + 1)
+        return UNDEFINED
 
     def finish(self) -> None:
         """The lines whose height is an expression get it from the end of the run."""
@@ -237,28 +308,44 @@ class LabSimulation:
             self.record.reference_lines.append(drawn)
 
 
+def check_cpu(duration: float, last: float) -> None:
+    """Raise LabRefused where a run of `duration` [s] has used its CPU time, which ends at `last` [s]."""
+    if time.thread_time() > last:
+        cure = "take fewer seconds, a larger timestep or a smaller model"
+        raise LabRefused(f"{duration:g} s take more than {CPU_S_MAX:g} s of computing: {cure}.")
+
+
+def check_steps(duration: float, steps: int) -> None:
+    """Raise LabRefused where a run of `duration` [s] takes more steps than there may be."""
+    if steps > STEPS_MAX:
+        too_long = f"{duration:g} s at this timestep take more than {STEPS_MAX} steps"
+        raise LabRefused(f"{too_long}: take fewer seconds or a larger timestep.")
+
+
 def _measure_height(value: Value) -> float | None:
     return value if isinstance(value, float) and isfinite(value) else None
 
 
 def _copy_value(value: Value) -> Value:
     """Returns a value that later steps do not change."""
+    if type(value) is float:
+        return value
     return list(value) if isinstance(value, list | Vector) else value
 
 
 def run_lab(
     config: LabConfig, xml: str, controls: Mapping[str, Wish] | None = None, events: Sequence[Event] = (),
-    seconds: float | None = None, *, variant: Variant = SAME, where: str = "lab",
+    seconds: float | None = None, *, pulls: Sequence[Pull] = (), variant: Variant = SAME, where: str = "lab",
 ) -> LabRun:  # fmt: skip
-    """Run a lab from its start with these control values and button presses (time [s], label).
+    """Run a lab from its start with these control values, button presses (time [s], label) and pulls.
 
     Order: the keyframe, every control's value, `setup`, the controls with `init` once more. `controller` runs before
     every step. When MuJoCo resets a state that diverged, the run goes on from there, as in a browser, and the warning
     is recorded. Lasts `seconds`, else as `choose_length_s` says. What is shown and fails is undefined, and noted in
     `failed`. `where` names the lab in errors.
 
-    Raises LabRefused for control values, events or lengths that are not allowed, LabError where another expression
-    fails, ContentError where one cannot be compiled, ValueError where MuJoCo cannot compile the model.
+    Raises LabRefused for control values, events, pulls or lengths that are not allowed, LabError where another
+    expression fails, ContentError where one cannot be compiled, ValueError where MuJoCo cannot compile the model.
     """
     began = time.perf_counter()
     programs, values = compile_lab(config, where), choose_values(config, controls or {})
@@ -269,6 +356,7 @@ def run_lab(
     running = LabSimulation(programs, config, xml, values)
     running.presses, running.record.seconds = presses, duration
     running.vary(variant)
+    running.pull(pulls)
     running.probe_times = [duration * i / variant.probes for i in range(variant.probes)]
     prepared = time.perf_counter()
     running.go(duration)

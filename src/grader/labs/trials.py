@@ -5,15 +5,16 @@ from functools import partial
 from time import thread_time
 from typing import Any
 
-from grader.domain.lab import IntegratorsLab, LabConfig
+from grader.domain.lab import LabConfig
 from grader.errors import ContentError, Fault, LabError, LabRefused
-from grader.labs.comparison import check_setting, run_integrators
 from grader.labs.controls import Wish, find_control_faults, list_extremes, list_settable
 from grader.labs.programs import LabPrograms, compile_lab, list_missing_elements
 from grader.labs.record import LabRun
 from grader.labs.runs import Event, run_lab
 
 SECONDS_AT_EXTREMES = 0.2
+
+NEITHER_MODEL = "give either model, a name in models/, or xml, the model itself"
 
 CPU_S_MAX = 60.0
 """Most CPU time of all trials of a lab [s]."""
@@ -33,12 +34,12 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
         return faults
     runs: list[LabRun] = []
 
-    def try_run(*settings: Any, setting: str = "") -> list[Fault]:
+    def try_setting(*settings: Any, setting: str = "") -> list[Fault]:
         run = partial(run_lab, config, xml, *settings, where=where)
-        return _try(lambda: runs.append(run()), where, refused=".seconds", setting=setting)
+        return try_run(lambda: runs.append(run()), where, refused=".seconds", setting=setting)
 
     last = thread_time() + CPU_S_MAX
-    whole = try_run()
+    whole = try_setting()
     if whole:
         return whole
     trials: list[tuple[str, dict[str, Wish], list[Event]]] = [
@@ -51,7 +52,7 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
         if thread_time() > last:
             why = f"the runs at the ends of all controls take more than {CPU_S_MAX:g} s of computing"
             return [*faults, Fault("", f"{where}.controls", f"{why}: give fewer controls, or a smaller model")]
-        found = try_run(controls, events, SECONDS_AT_EXTREMES, setting=f" (with {setting})")
+        found = try_setting(controls, events, SECONDS_AT_EXTREMES, setting=f" (with {setting})")
         faults += [fault for fault in found if fault not in faults]
     return [*faults, *_find_never_shown(runs)]
 
@@ -74,17 +75,7 @@ def _find_never_shown(runs: list[LabRun]) -> list[Fault]:
     ]
 
 
-def check_integrators(lab: IntegratorsLab, xml: str, where: str) -> list[Fault]:
-    """Everything that is wrong with the lab, with keys that begin with `where`."""
-
-    def run() -> None:
-        run_integrators(lab, xml, seconds=min(lab.seconds, 10 * lab.timestep))
-        check_setting(lab, lab.model, lab.timestep, lab.seconds)
-
-    return _try(run, where, refused=".timestep", model=".model")
-
-
-def _try(
+def try_run(
     run: Callable[[], object], where: str, *, refused: str = "", model: str = ".xml", setting: str = ""
 ) -> list[Fault]:
     """Returns the first thing that goes wrong in a run, if anything does; `refused` and `model` complete the key."""

@@ -7,6 +7,7 @@ import mujoco
 
 from grader.domain.lab import LabConfig, Slider
 from grader.labs.controls import Wish
+from grader.labs.pulls import Pull
 from grader.labs.record import LabRun, Limit
 from grader.labs.runs import Event, Variant, build_lab_scene, run_lab
 from grader.numerics.stability.limit import find_spectral_limit
@@ -29,14 +30,14 @@ TIMESTEP = "model.opt.timestep"
 
 def watch_lab(
     config: LabConfig, xml: str, controls: Mapping[str, Wish] | None = None, events: Sequence[Event] = (),
-    seconds: float | None = None,
+    seconds: float | None = None, *, pulls: Sequence[Pull] = (),
 ) -> LabRun:  # fmt: skip
     """Run a lab as `run_lab` does, with its `limit`; where MuJoCo warned early, with more frames around the warning.
     Raises what `run_lab` raises."""
-    run = run_lab(config, xml, controls, events, seconds)
+    run = run_lab(config, xml, controls, events, seconds, pulls=pulls)
     if run.warnings and run.warnings[0].time_s < SHORT_S:
         close_up = Variant(close_up_s=AFTERWARDS * run.warnings[0].time_s)
-        run = run_lab(config, xml, controls, events, seconds, variant=close_up)
+        run = run_lab(config, xml, controls, events, seconds, pulls=pulls, variant=close_up)
     return replace(run, limit=find_timestep_limit(config, xml, controls))
 
 

@@ -6,8 +6,9 @@ from typing import Any
 
 import mujoco
 
-from grader.domain.lab import SECONDS_MAX, IntegratorsLab
+from grader.domain.lab import SECONDS_MAX
 from grader.errors import LabRefused
+from grader.labs.kinds.integrators.lab import IntegratorsLab
 from grader.labs.record import to_number_or_none, warnings_to_json
 from grader.numerics.accuracy.drift import Drift, measure_drift
 from grader.numerics.integrators import INTEGRATORS

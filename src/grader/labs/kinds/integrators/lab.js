@@ -1,16 +1,15 @@
 // One scene under all five integrators from one state: how far the energy drifts, and what a step costs.
 
-import { post } from "./api.js";
-import { drawChart } from "./chart.js";
-import { el, number } from "./dom.js";
-import { Newest } from "./newest.js";
-import { DIVERGED } from "./strips.js";
+import { drawChart } from "../chart.js";
+import { el, number } from "../dom.js";
+import { Newest } from "../newest.js";
+import { DIVERGED } from "../strips.js";
 
 const SMALLEST = 1e-9; // % of the energy: below it there is nothing but rounding
 const LARGEST = 1e4;
 
-export function openIntegrators(box, target) {
-  const [model, key, timestep, message] = ["model", "key", "timestep", "message"].map((name) => box.querySelector(`[data-${name}]`));
+export function open(box, { run: ask, tell }) {
+  const [model, key, timestep] = ["model", "key", "timestep"].map((name) => box.querySelector(`[data-${name}]`));
   const picture = box.querySelector(".strips");
   let shownModel = null, answer = null;
 
@@ -24,8 +23,7 @@ export function openIntegrators(box, target) {
   function show(run) {
     answer = run;
     offerKeys(run);
-    message.classList.remove("no");
-    message.textContent = `${number(run.seconds)} s at a timestep of ${number(1000 * run.timestep)} ms, from one state. The cost is this server's and differs from run to run.`;
+    tell(`${number(run.seconds)} s at a timestep of ${number(1000 * run.timestep)} ms, from one state. The cost is this server's and differs from run to run.`);
     draw();
     for (const one of run.integrators) fillRow(box.querySelector(`[data-integrator=${one.name}]`), one);
   }
@@ -33,9 +31,8 @@ export function openIntegrators(box, target) {
   const draw = () => { if (answer) drawChart(picture, { end: answer.seconds, strips: [stripOf(answer.integrators)] }); };
   const runs = new Newest(() => {
     const chosen = model.value === shownModel ? { key: key.value } : {};
-    const controls = { model: model.value, ...chosen, timestep: Number((timestep.valueAsNumber / 1000).toPrecision(12)) };
-    return post("/labs:run", { ...target, controls, events: [] });
-  }, show, (error) => { message.textContent = error.message; message.classList.add("no"); });
+    return ask({ model: model.value, ...chosen, timestep: Number((timestep.valueAsNumber / 1000).toPrecision(12)) });
+  }, show, (error) => tell(error.message, true));
 
   for (const input of [model, key, timestep]) {
     input.disabled = false;
@@ -43,8 +40,7 @@ export function openIntegrators(box, target) {
       const isValue = timestep.validity.valid && timestep.value !== "";
       timestep.setAttribute("aria-invalid", String(!isValue));
       if (isValue) return runs.want({});
-      message.textContent = "The timestep must be a number from 0.1 to 100 ms.";
-      message.classList.add("no");
+      tell("The timestep must be a number from 0.1 to 100 ms.", true);
     });
   }
   new ResizeObserver(draw).observe(picture);

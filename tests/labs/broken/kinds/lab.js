@@ -1,0 +1,3 @@
+import { draw } from "https://example.org/draw.js";
+
+draw();
