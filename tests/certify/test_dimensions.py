@@ -5,7 +5,7 @@ import pytest
 
 from grader.certify import certify_key
 from grader.certify.dimensions import explain_unit
-from grader.domain.verify import ByExpression
+from grader.domain.verify import ByExpression, ByMeasurement
 from grader.questions import NumberKey
 
 XML = """<mujoco><worldbody><body name="b"><joint name="s" type="slide"/><joint name="h" type="hinge"/>
@@ -51,20 +51,64 @@ def test_another_unit_is_told(model: mujoco.MjModel, text: str, unit: str) -> No
         ("data.qpos[0]", "K"),
         ("data.qpos[0", "m"),
         ("data.qvel[1] > 3 ? 1 : 2", "steps"),
+        ("2", "s"),
     ],
 )
 def test_what_fits_or_is_not_known_passes(model: mujoco.MjModel, text: str, unit: str) -> None:
     assert explain_unit(text, model, unit) is None
 
 
+@pytest.mark.parametrize(
+    ("text", "unit", "fits"),
+    [
+        ("data.qpos[0]", "m", True),
+        ("data.qpos[2]", "cm", False),
+        ("data.qpos[3]", "cm", True),  # of a quaternion: not known
+        ("data.qvel[1]", "mm/s", False),
+        ("data.qvel[1]", "m/s", True),
+        ("data.qvel[3]", "m/s", False),
+        ("data.qvel[5]", "rad/s", True),
+        ("data.qpos[7]", "deg", True),  # of the ball joint's quaternion
+        ("data.qvel[8]", "deg/s", False),
+        ("data.qvel[8]", "rad/s", True),
+    ],
+)
+def test_elements_of_free_and_ball_joints_have_units(text: str, unit: str, *, fits: bool) -> None:
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><freejoint/><geom size='1'/></body>"
+        "<body><joint type='ball'/><geom size='1'/></body></worldbody></mujoco>"
+    )
+    assert (explain_unit(text, model, unit) is None) == fits
+
+
 def test_a_key_in_another_unit_is_not_certified() -> None:
     verify = ByExpression(by="expression", expr="model.body_pos[5]", xml=XML.replace('"b"', '"b" pos="0 0 3"'))
-    right, wrong = (
+    right, wrong, refuted, off = (
         certify_key(
-            NumberKey(kind="numeric", text="", verify=verify, answer=3, tolerance=0.1, unit=unit),
+            NumberKey(kind="numeric", text="", verify=verify, answer=answer, tolerance=0.1, unit=unit),
             dict[str, str]().__getitem__,
         )
-        for unit in ("m", "deg")
+        for answer, unit in ((3, "m"), (3, "deg"), (4, "m"), (4, "deg"))
     )
     assert right is not None and right.ok
     assert wrong is not None and (wrong.verdict, wrong.key) == ("cannot tell", "unit")
+    assert refuted is not None and (refuted.verdict, refuted.key) == ("refuted", "answer")
+    assert off is not None and (off.verdict, off.key) == ("cannot tell", "unit"), "4 deg are not refuted by 3 m"
+
+
+@pytest.mark.parametrize(
+    ("when", "unit", "fits"),
+    [("period", "ms", True), ("period", "mm", False), ("frequency", "rad/s", True), ("frequency", "s", False),
+     ("decay_rate", "1/s", True), ("crossings", "", True), ("crossings", "m", False)],
+)  # fmt: skip
+def test_what_is_read_from_moments_needs_a_unit_of_its_own(when: str, unit: str, fits: bool) -> None:
+    swing = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint type="slide" axis="1 0 0" stiffness="50"/>
+    <geom size=".1" mass="2"/></body></worldbody></mujoco>"""
+    raw = {"by": "measurement", "xml": swing, "setup": "data.qpos[0] = 0.1", "expr": "data.qpos[0]", "seconds": 2}
+    verify = ByMeasurement.model_validate(raw | {"when": when})
+    key = NumberKey(kind="numeric", text="", verify=verify, answer=1e6, tolerance=1, unit=unit)
+    certificate = certify_key(key, dict[str, str]().__getitem__)
+    assert certificate is not None
+    assert (certificate.key == "unit") is not fits
+    if not fits:
+        assert "measures something else" in certificate.why

@@ -210,6 +210,34 @@ MOTIONS: dict[str, tuple[float, str, dict[str, Any]]] = {
     "a force that grows with time": (
         1.5 * 1.1**3 / 6 / 2.0, "m",
         {"xml": world(slide()), "controller": "data.qfrc_applied[0] = 1.5 * data.time", "expr": X, "seconds": 1.1}),
+    "period of a spring, in ms": (
+        1000 * 2 * math.pi / 5, "ms",
+        {"xml": world(slide(joint='stiffness="50"')), "setup": "data.qpos[0] = 0.1", "expr": X, "when": "period",
+         "seconds": 4}),
+    "angular frequency of a spring": (
+        5.0, "rad/s",
+        {"xml": world(slide(joint='stiffness="50"')), "setup": "data.qpos[0] = 0.1", "expr": X, "when": "frequency",
+         "seconds": 4}),
+    "decay of a swing": (
+        1.2 / (2 * 2.0), "1/s",
+        {"xml": world(slide(joint='stiffness="50" damping="1.2"')), "setup": "data.qpos[0] = 0.1", "expr": X,
+         "when": "decay_rate", "seconds": 6}),
+    "settling of a speed": (
+        math.log(3 / 0.1) * 2.0 / 4, "s",
+        {"xml": world(slide(joint='damping="4"')), "setup": "data.qvel[0] = 3", "expr": V, "when": "settling",
+         "band": 0.1, "level": 0, "seconds": 4}),
+    "passes of a spring": (
+        3, "",
+        {"xml": world(slide(joint='stiffness="50"')), "setup": "data.qpos[0] = 0.1", "expr": X, "when": "crossings",
+         "seconds": 4}),
+    "first pass of a spring": (
+        math.pi / 2 / 5, "s",
+        {"xml": world(slide(joint='stiffness="50"')), "setup": "data.qpos[0] = 0.1", "expr": X, "when": "crossing",
+         "direction": "down", "seconds": 1}),
+    "peak to peak of a spring": (
+        0.2, "m",
+        {"xml": world(slide(joint='stiffness="50"')), "setup": "data.qpos[0] = 0.1", "expr": X, "when": "peak_to_peak",
+         "since": 1, "seconds": 4}),
 }  # fmt: skip
 """The truth, its unit, and how it is measured."""
 

@@ -10,15 +10,16 @@ from mujoco import FatalError, MjModel
 
 from grader.certify.certificate import Certificate, refuse
 from grader.certify.dimensions import explain_unit
-from grader.certify.experiments import VerifyError, read_xml
 from grader.certify.inference import infer_verify
 from grader.certify.measurement_keys import EMPTY, certify_expression, certify_measurement
 from grader.certify.predict_keys import certify_prediction
 from grader.certify.stage_keys import certify_stage
 from grader.certify.threshold_keys import certify_threshold
 from grader.domain.lab import LabConfig
+from grader.domain.quantities import BASE_UNITS
 from grader.domain.verify import ByExpression, ByMeasurement, ByOptions, ByOutcome, ByStage, ByThreshold, Verify
 from grader.errors import CallerError, LabRefused
+from grader.experiments.runs import VerifyError, read_xml
 from grader.questions import AnswerKey, ModelXml, NumberKey, OptionKey
 
 __all__ = ["Certificate", "certify_key"]
@@ -58,9 +59,13 @@ def _accept(certificate: Certificate, reason: str) -> Certificate:
 
 
 def _compare_units(certificate: Certificate, key: AnswerKey, model_xml: ModelXml) -> Certificate:
-    """Cannot tell of a number whose expression is in another unit than its question: 0.5 rad are not 0.5 degrees."""
+    """Cannot tell of a number whose expression is in another unit than its question: 0.5 rad are not 0.5 degrees, and
+    neither certify nor refute them."""
     verify = key.verify
-    if not (certificate.ok and isinstance(key, NumberKey) and isinstance(verify, ByMeasurement | ByExpression)):
+    is_decided = certificate.verdict != "cannot tell"
+    if not (is_decided and isinstance(key, NumberKey) and isinstance(verify, ByMeasurement | ByExpression)):
+        return certificate
+    if isinstance(verify, ByMeasurement) and verify.when in BASE_UNITS:  # of moments, whatever the expression is in
         return certificate
     named = verify.model or verify.xml
     model = MjModel.from_xml_string(read_xml(verify.model, verify.xml, model_xml) if named else EMPTY)

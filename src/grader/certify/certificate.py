@@ -4,13 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from grader.experiments.limits import UNCERTAINTY_SHARE
 from grader.questions import NumberKey
 
 CERTAINLY = 3.0
 """Uncertainties by which a derived value must miss the tolerance before it refutes a key."""
-
-UNCERTAINTY_SHARE = 0.2
-"""Largest numerical uncertainty of a certified key, as a share of the tolerance."""
 
 Verdict = Literal["certified", "refuted", "cannot tell"]
 
@@ -125,5 +123,14 @@ def certify_choice(
 
 
 def format_measurements(measured: Mapping[str, Any]) -> str:
-    """Returns the measurements as one line of text."""
-    return "; ".join(f"{name}: {value}" for name, value in measured.items())
+    """Returns the measurements as one line of text; numbers with six digits, as many as tell how they converge."""
+    return "; ".join(f"{name}: {write_value(value)}" for name, value in measured.items())
+
+
+def write_value(value: Any) -> str:
+    """Returns a measured value as text."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(write_value, value))}]"
+    return str(value)

@@ -5,9 +5,9 @@ from itertools import pairwise
 from math import inf, isfinite
 from typing import Any
 
-from grader.certify.experiments import LabRun, to_boolean, to_number
-from grader.certify.regime import Unresolved, describe_reset
 from grader.domain.verify import Claim, When
+from grader.experiments.regime import Unresolved, describe_reset
+from grader.experiments.runs import LabRun, to_boolean, to_number
 
 TIME_SLACK_S = 1e-9
 """Rounding of sums of timesteps."""

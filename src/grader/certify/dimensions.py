@@ -67,11 +67,7 @@ JOINTS = {
 
 def explain_unit(text: str, model: mujoco.MjModel, unit: str) -> str | None:
     """Returns why the value of an expression is not in the unit of its question; None where it is, or is not known."""
-    wanted = read_unit(unit)
-    try:
-        measured = _read(syntax.Source(text, "expression").tree(), model)
-    except (syntax.SyntaxRefused, AttributeError):
-        return None
+    wanted, measured = read_unit(unit), read_dimension(text, model)
     if wanted is None or measured is None:
         return None
     if any(not isclose(a, b, abs_tol=1e-9) for a, b in zip(measured.powers, wanted.powers, strict=True)):
@@ -80,6 +76,15 @@ def explain_unit(text: str, model: mujoco.MjModel, unit: str) -> str | None:
     if measured.size is not None and wanted.size is not None and not isclose(measured.size, wanted.size):
         return f"the expression gives a value in {measured.name or 'base units'}, and the unit is {unit}: convert one"
     return None
+
+
+def read_dimension(text: str, model: mujoco.MjModel) -> Quantity | None:
+    """Returns what an expression measures; None where it is not known, as that of a bare number."""
+    try:
+        measured = _read(syntax.Source(text, "expression").tree(), model)
+    except (syntax.SyntaxRefused, AttributeError):
+        return None
+    return None if measured == NUMBER else measured
 
 
 def read_unit(text: str) -> Quantity | None:
@@ -191,7 +196,25 @@ def _read_element(path: str, at: float, model: mujoco.MjModel) -> Quantity | Non
         return None
     addresses = {"data.qpos": model.jnt_qposadr, "model.qpos0": model.jnt_qposadr, "model.jnt_stiffness": joints}
     at_joint = [one for one in joints if addresses.get(path, model.jnt_dofadr)[one] == at]
-    return _of_joint(path, int(model.jnt_type[at_joint[0]])) if at_joint else None
+    single = _of_joint(path, int(model.jnt_type[at_joint[0]])) if at_joint else None
+    return _read_loose_element(path, int(at), model) if single is None and path != "model.jnt_stiffness" else single
+
+
+def _read_loose_element(path: str, at: int, model: mujoco.MjModel) -> Quantity | None:
+    """Returns what an element of a free joint, or of the velocity of a ball joint, holds: places and speeds come first.
+    Elements of a quaternion are known as none."""
+    in_space, turning = JOINTS[path]
+    is_place = path in ("data.qpos", "model.qpos0")
+    for joint in range(model.njnt):
+        offset = at - int((model.jnt_qposadr if is_place else model.jnt_dofadr)[joint])
+        match int(model.jnt_type[joint]):
+            case mujoco.mjtJoint.mjJNT_FREE if 0 <= offset < 3:
+                return in_space
+            case mujoco.mjtJoint.mjJNT_FREE if 3 <= offset < 6 and not is_place:
+                return turning
+            case mujoco.mjtJoint.mjJNT_BALL if 0 <= offset < 3 and not is_place:
+                return turning
+    return None
 
 
 def _read_stiffness(model: mujoco.MjModel, index: int) -> Quantity | None:

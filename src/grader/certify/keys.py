@@ -5,11 +5,15 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from grader.certify import Certificate, certify_key
-from grader.certify.remarks import Luck, estimate_luck
+from grader.certify.drawn import certify_corners
+from grader.certify.proposals import LabScene, Proposal, find_scenes, propose_verify
+from grader.certify.remarks import Luck, estimate_luck, is_decidable
 from grader.errors import Fault
+from grader.exercises import TextOf
 from grader.library import NOTHING_PASSED, Library, PassedChecks
 from grader.library.semantics import list_inputs
 from grader.questions import AnswerKey, Question, kind_of
+from grader.questions.drawing import is_drawn
 
 ACCEPT = "or write why the key holds as verify.accept"
 
@@ -45,16 +49,72 @@ def certify_quizzes(
                     read=read_certificate,
                 )
                 yield Certified(quiz, question, key, certificate)
+            if is_drawn(question):
+                yield from certify_drawn(library, quiz, question, passed)
+
+
+def certify_drawn(library: Library, quiz: str, question: Question, passed: PassedChecks) -> Iterator[Certified]:
+    """Yields the certificates of a question that fail at the ends of what is drawn."""
+    failed = passed.run(
+        "corners",
+        list_inputs(question, library.models),
+        lambda _: list(certify_corners(question, library.model_xml)),
+        text_of=library.text,
+        write=lambda some: None if some else {},
+        read=lambda _: [],
+    )
+    for key, certificate in failed:
+        yield Certified(quiz, question, key, certificate)
+
+
+def propose_for_key(
+    library: Library, quiz: str, question: Question, key: AnswerKey, passed: PassedChecks = NOTHING_PASSED
+) -> Proposal | None:
+    """Returns a `verify` for a key that has none and that no simulation confirms, or None where the simulations near
+    the question suggest none. What was proposed before for the same question and simulations is kept."""
+    if not is_decidable(key) or is_drawn(question):  # whose `verify` has to name what is drawn, and is demanded
+        return None
+    scenes = find_scenes(library, quiz, question)
+
+    def propose(_: TextOf) -> Proposal | None:
+        text = question.q if not key.place else f"{question.q} {key.text}"
+        return propose_verify(key, scenes, library.model_xml, text)
+
+    return passed.run(
+        "proposal",
+        [*list_inputs(question, library.models), key.place, *list_scene_inputs(scenes)],
+        propose,
+        text_of=library.text,
+        write=lambda proposal: {} if proposal is None else asdict(proposal),
+        read=lambda kept: Proposal(**kept) if kept else None,
+    )
+
+
+def propose_for_question(
+    library: Library, quiz: str, question: Question, passed: PassedChecks = NOTHING_PASSED
+) -> Iterator[Proposal]:
+    """Yields the proposals for the keys of one question that no simulation confirms."""
+    for one in certify_quizzes(library, [quiz], passed, is_wanted=lambda _, other: other == question.id):
+        if one.certificate is None and (proposal := propose_for_key(library, quiz, question, one.key, passed)):
+            yield proposal
+
+
+def list_scene_inputs(scenes: Iterable[LabScene]) -> Iterator[str]:
+    """Yields all that proposals from these simulations depend on."""
+    for scene in scenes:
+        yield from (scene.lab.model_dump_json(), scene.xml)
 
 
 def write_certificate(certificate: Certificate | None) -> dict[str, Any] | None:
-    """Returns a certificate as JSON; None if the key is not certified."""
-    return asdict(certificate) if certificate is not None and certificate.ok else None
+    """Returns a certificate as JSON, which is empty where physics cannot decide; None if it refuses the key."""
+    if certificate is None:
+        return {}
+    return asdict(certificate) if certificate.ok else None
 
 
-def read_certificate(kept: dict[str, Any]) -> Certificate:
+def read_certificate(kept: dict[str, Any]) -> Certificate | None:
     """Returns the certificate of this JSON."""
-    return Certificate(**kept | {"remarks": tuple(kept["remarks"])})
+    return None if not kept else Certificate(**kept | {"remarks": tuple(kept["remarks"])})
 
 
 def bound_luck(library: Library, question: Question, passed: PassedChecks = NOTHING_PASSED) -> Luck:

@@ -1,36 +1,36 @@
 """Certifies numbers that are measured in a run, or given by a closed form."""
 
-from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
-from math import isfinite
+from math import isfinite, tau
 from typing import Any
 
 import mujoco
+import numpy as np
 
-from grader.certify.certificate import UNCERTAINTY_SHARE, Certificate, certify_number, refuse
-from grader.certify.experiments import (
+from grader.certify.certificate import Certificate, certify_number, refuse
+from grader.domain.lab import LabConfig, Readout
+from grader.domain.quantities import BASE_UNITS
+from grader.domain.verify import ByExpression, ByMeasurement
+from grader.errors import InvalidAnswer
+from grader.experiments.limits import UNCERTAINTY_SHARE, Measure, describe_noise, find_limit
+from grader.experiments.quantities import measure as measure_quantity
+from grader.experiments.regime import Regime, Unresolved, describe_reset
+from grader.experiments.runs import (
     NUDGED,
-    PROBES,
     SAME,
     LabRun,
     Variant,
+    VerifyError,
     evaluate,
     read_xml,
     run_experiment,
     to_number,
 )
-from grader.certify.ladder import Ladder
-from grader.certify.regime import Regime, Unresolved, check_regime, describe_reset
-from grader.domain.lab import LabConfig, Readout
-from grader.domain.verify import ByExpression, ByMeasurement
 from grader.questions import ModelXml, NumberKey
+from grader.questions.kinds.number.units import convert, known_unit, read_unit
 
 EMPTY = "<mujoco/>"
-
-WHOLE = 1e-6
-"""Distance from a whole number at which a run counts as that many steps: rounding of the sum of the timesteps."""
-
-Measure = Callable[[Variant], tuple[LabRun, float]]
 
 
 def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelXml) -> Certificate:
@@ -45,15 +45,17 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
     )
     xml = read_xml(verify.model, verify.xml, model_xml)
     keys = {part: f"verify.{part}" for part in ("setup", "controller", "key")} | {"readouts": "verify.expr"}
+    scale = find_scale(verify.when, key.unit)
 
     def measure(variant: Variant) -> tuple[LabRun, float]:
-        variant = replace(variant, every_step=verify.when != "end")
+        variant = replace(variant, every_step=verify.when != "end" or verify.until is not None)
         run = run_experiment(config, xml, seconds=verify.seconds, variant=variant, keys=keys)
         if run.warnings:
             raise Unresolved("no reset", describe_reset(run))
-        value = _summarise([to_number(v) for v in run.readouts[0]], verify.when)
+        value = scale * measure_series(run, verify)
         if not isfinite(value):
-            raise Unresolved("finite", f"the measured value is {value}")
+            what = "finite value" if verify.when in ("end", "max", "min", "mean") else verify.when.replace("_", " ")
+            raise Unresolved("finite", f"the run has no {what}: make it longer, or mend expr")
         return run, value
 
     try:
@@ -69,7 +71,7 @@ def _certify_run(key: NumberKey, verify: ByMeasurement, measure: Measure) -> Cer
     nudged = [measure(each)[1] for each in NUDGED]
     noise = max(abs(value - other) for other in nudged)
     measured = {"h/1": value, "nudged": nudged, "unit": key.unit}
-    certificate = certify_number("measurement", key, value, noise, measured, cure=_describe_noise(noise))
+    certificate = certify_number("measurement", key, value, noise, measured, cure=describe_noise(noise))
     regime = {"timestep": "given", "failed": None if certificate.verdict != "cannot tell" else "nudged starts"}
     timestep_s = run.duration_s / max(run.steps, 1)
     certificate = replace(certificate, regime=regime | {"own timestep [s]": timestep_s, "round-off": noise})
@@ -78,25 +80,18 @@ def _certify_run(key: NumberKey, verify: ByMeasurement, measure: Measure) -> Cer
 
 def _certify_motion(key: NumberKey, verify: ByMeasurement, measure: Measure) -> Certificate:
     """Certify a number about the motion; with `both`, the run at the own timestep must give the key too."""
-    run, own = measure(Variant(probes=PROBES))
-    regime = check_regime(run, to_the_end=verify.when == "end", fastest=verify.fastest)
-    ladder = Ladder(
-        lambda finer: measure(Variant(finer=finer))[1], regime, UNCERTAINTY_SHARE * key.tolerance, {1.0: own}
+    limit = find_limit(
+        measure, UNCERTAINTY_SHARE * key.tolerance, to_the_end=verify.when == "end", fastest=verify.fastest
     )
-    ladder.climb()
-    nudged = [measure(replace(each, finer=regime.first))[1] for each in NUDGED]
-    noise = max(abs(ladder.values[regime.first] - other) for other in nudged)
-    failed, cure = _find_failure(ladder, noise)
-    if verify.when == "end" and failed != "nudged starts" and (odd := _describe_odd_length(run)):
-        failed, cure = "whole steps", odd
-    measured: dict[str, Any] = {f"h/{finer:.6g}": ladder.values[finer] for finer in sorted(ladder.values)}
-    measured |= {"nudged": nudged, "unit": key.unit}
-    certificate = certify_number("measurement", key, ladder.best, max(ladder.uncertainty, noise), measured, cure=cure)
-    checked = {"timestep": verify.timestep, **regime.to_json(ladder.finest), **ladder.to_json(), "round-off": noise}
+    values = limit.ladder.values
+    measured: dict[str, Any] = {f"h/{finer:.6g}": values[finer] for finer in sorted(values)}
+    measured |= {"nudged": limit.nudged, "unit": key.unit}
+    certificate = certify_number("measurement", key, limit.value, limit.uncertainty, measured, cure=limit.cure)
+    checked: dict[str, Any] = {"timestep": verify.timestep, **limit.to_json()}
     if certificate.verdict == "cannot tell":
-        checked["failed"] = failed
-    certificate = _compare_with_page(replace(certificate, regime=checked), key, verify, regime, own)
-    return _remark_last_stage(certificate, key, run, own, measure)
+        checked["failed"] = limit.failed
+    certificate = _compare_with_page(replace(certificate, regime=checked), key, verify, limit.regime, limit.own)
+    return _remark_last_stage(certificate, key, limit.run, limit.own, measure)
 
 
 def _remark_last_stage(
@@ -121,7 +116,9 @@ def _compare_with_page(
     """Compare the number about the motion with the one that a page shows, which runs at the model's own timestep."""
     is_shown = abs(own - key.answer) <= key.tolerance
     if not certificate.ok:
-        hint = f"; the run at the own timestep gives the key, {own:.6g}: write timestep given if it is about that run"
+        hint = (
+            f'; the run at the own timestep gives the key, {own:.6g}: write "timestep": "given" if it is about that run'
+        )
         is_noise = certificate.regime["failed"] == "nudged starts"
         return replace(certificate, why=certificate.why + hint) if is_shown and not is_noise else certificate
     if verify.timestep == "both" and not is_shown:
@@ -140,42 +137,25 @@ def _compare_with_page(
     return replace(certificate, remarks=(*certificate.remarks, remark))
 
 
-def _find_failure(ladder: Ladder, noise: float) -> tuple[str, str]:
-    """Returns the condition because of which a number stays uncertain, and what the author may change."""
-    if noise >= ladder.uncertainty:
-        return "nudged starts", _describe_noise(noise)
-    if ladder.missed >= 0.5 * ladder.uncertainty:
-        return "incommensurate timestep", (
-            "a timestep that is no simple fraction of the others disagrees, as where a force changes faster than the "
-            "timestep: shorten the model's timestep, or give a larger tol"
-        )
-    cure = (
-        "it still changes with the timestep: shorten the model's timestep, give a larger tol, or write timestep given"
-    )
-    return "converged", cure
+def measure_series(run: LabRun, verify: ByMeasurement) -> float:
+    """Returns what `verify` measures in the first readout of a run; NaN where the run does not have it."""
+    series = np.array([to_number(value) for value in run.readouts[0]])
+    name = "final" if verify.when == "end" else verify.when
+    return measure_quantity(name, np.array(run.times), series, verify)
 
 
-def _describe_odd_length(run: LabRun) -> str | None:
-    """Returns what to write where the run is no whole number of timesteps, so that each timestep ends elsewhere."""
-    timestep_s = run.duration_s / max(run.steps, 1)
-    steps = run.seconds / timestep_s
-    whole = max(1, round(steps))
-    if abs(steps - whole) <= WHOLE:
-        return None
-    return (
-        f"{run.seconds:g} s are no multiple of the timestep {timestep_s:g} s, so that runs at other timesteps end at "
-        f"other times: write seconds {whole * timestep_s:.9g}, or the timestep {run.seconds / whole:.9g} in the model"
-    )
-
-
-def _describe_noise(noise: float) -> str:
-    return f"a start nudged by 1e-10 changes it by {noise:.2g}: ask for something earlier, or less sensitive"
-
-
-def _summarise(values: Sequence[float], when: str) -> float:
-    if when == "end":
-        return values[-1]
-    return max(values) if when == "max" else min(values) if when == "min" else sum(values) / len(values)
+def find_scale(when: str, unit: str | None) -> float:
+    """Returns what a quantity that is read from moments is multiplied by to be in a unit: 1000 for a period in ms, 2π
+    for a frequency in rad/s; 1 for all others. Raises VerifyError where the unit measures something else."""
+    wanted = known_unit(unit or "")
+    if when not in BASE_UNITS or wanted is None:
+        return 1.0
+    ways = [(1.0, BASE_UNITS[when]), *[(tau, "rad/s")] * (when == "frequency")]
+    for size, name in ways:
+        with suppress(InvalidAnswer):
+            return convert(size, read_unit(name), wanted)
+    what = f"{when.replace('_', ' ')} has {'the unit ' * bool(BASE_UNITS[when])}{BASE_UNITS[when] or 'no unit'}"
+    raise VerifyError("unit", f"the {what}, and {unit} measures something else: write another unit, or another when")
 
 
 def certify_expression(key: NumberKey, verify: ByExpression, model_xml: ModelXml) -> Certificate:

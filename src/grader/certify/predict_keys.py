@@ -8,7 +8,11 @@ from typing import Any
 
 from grader.certify.certificate import Certificate, certify_choice, refuse
 from grader.certify.claims import check_claim, to_claim
-from grader.certify.experiments import (
+from grader.domain.lab import LabConfig, Select
+from grader.domain.markup import plain_text
+from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
+from grader.experiments.regime import Reading, Unresolved, compare_runs
+from grader.experiments.runs import (
     LabRun,
     Variant,
     build_lab_scene,
@@ -16,10 +20,6 @@ from grader.certify.experiments import (
     remove_display,
     run_experiment,
 )
-from grader.certify.regime import Reading, Unresolved, compare_runs
-from grader.domain.lab import LabConfig, Select
-from grader.domain.markup import plain_text
-from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
 from grader.numerics.integrators import INTEGRATORS
 from grader.numerics.scene import Scene
 from grader.numerics.stability.growth import measure_silent_growth
@@ -59,7 +59,7 @@ def certify_prediction(
 def _certify_options(key: OptionKey, lab: LabConfig, verify: ByOptions, xml: str) -> Certificate:
     """Run each option's setting; the right option is the one under which the criterion holds."""
     select = find_matching_select(key.options, lab)
-    settings = list(verify.settings or (_infer_settings(key.options, select) if select else ()))
+    settings = list(verify.settings or (infer_settings(key.options, select) if select else ()))
     if len(settings) != len(key.options) or not any(settings):
         return refuse("options", key.answer, "no option has a setting: write verify.settings, one per option")
     measuring = remove_display(lab, *(() if verify.criterion == "stable" else (_find_expression(verify.criterion),)))
@@ -130,7 +130,7 @@ def _certify_outcome(key: OptionKey, lab: LabConfig, verify: ByOutcome, xml: str
     return replace(certificate, regime=regime, remarks=remarks)
 
 
-def _infer_settings(options: Sequence[str], select: Select) -> list[Setting | None]:
+def infer_settings(options: Sequence[str], select: Select) -> list[Setting | None]:
     """Returns the setting that each option names, or None."""
     labels = {plain_text(text): text for text, _ in select.options}
     return [{select.label: labels[plain_text(o)]} if plain_text(o) in labels else None for o in options]

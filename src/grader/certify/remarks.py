@@ -29,7 +29,8 @@ class Luck:
         why = f"a fixed answer is right in every case with a chance of {self.chance:.1e}; {self.allowed:g} is allowed"
         if self.chance == 1:
             why += "; no case draws a number, or the kind does not say what it accepts (Kind.accepted)"
-        return f"{why}: draw more numbers, from wider ranges, or raise `luck` and say why in `x-luck`"
+        cure = "draw more numbers, from wider ranges, in more hidden cases, or raise `luck` and say why in `x-luck`"
+        return f"{why}: {cure}"
 
 
 def estimate_luck(question: Question, model_xml: ModelXml, text_of: TextOf) -> Luck:

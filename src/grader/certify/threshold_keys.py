@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from grader.certify.certificate import Certificate, certify_number, refuse
-from grader.certify.experiments import VerifyError, read_xml, set_fields
 from grader.domain.verify import ByThreshold, ServoJoint
+from grader.experiments.runs import VerifyError, read_xml, set_fields
 from grader.numerics.integrators import BY_NAME
 from grader.numerics.scene import Scene
 from grader.numerics.stability.bisection import SearchResult, Threshold, find_threshold

@@ -13,25 +13,75 @@ GROUP_MAX = 2
 """Geoms of higher groups are hidden. Source: the default of mjvOption.geomgroup."""
 
 DEFAULT_RGBA = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
-BOXED = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
+MESH_MAX = 4000
+"""Triangles of the meshes of one scene: some 60 kB, compressed. Further meshes are drawn as their bounding boxes."""
+
+BOX_FACES = [0, 1, 3, 0, 3, 2, 4, 6, 7, 4, 7, 5, 0, 4, 5, 0, 5, 1, 2, 3, 7, 2, 7, 6, 0, 2, 6, 0, 6, 4, 1, 5, 7, 1, 7, 3]
+"""Two triangles a side; the bits of a corner's number say on which side of x, y and z it lies."""
+
+MESHED = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
 
 
 def list_drawn_geoms(model: mujoco.MjModel) -> dict[int, dict[str, Any]]:
     """Returns the geoms that are shown, by index: those in a visible group that are not fully transparent. Each has its
-    name, type, size and colour; a mesh or height field has the half sizes of its bounding box."""
+    name, type, size and colour, and the name of its body, which is None where no joint moves it. Meshes and height
+    fields have the half sizes of their bounding box, and their triangles as far as MESH_MAX of them fit, else those of
+    the box."""
+    left = MESH_MAX
     colours = {geom: _choose_colour(model, geom) for geom in range(model.ngeom) if model.geom_group[geom] <= GROUP_MAX}
-    return {geom: _describe_geom(model, geom, rgba) for geom, rgba in colours.items() if rgba[3] > 0}
+    drawn = {geom: _describe_geom(model, geom, rgba) for geom, rgba in colours.items() if rgba[3] > 0}
+    for geom, described in drawn.items():
+        if mujoco.mjtGeom(int(model.geom_type[geom])) in MESHED:
+            vertices, faces = _list_triangles(model, geom, left)
+            described["mesh"] = {"vertices": np.round(vertices, 5).ravel().tolist(), "faces": faces}
+            left -= len(faces) // 3
+    return drawn
 
 
 def _describe_geom(model: mujoco.MjModel, geom: int, rgba: NDArray[np.float32]) -> dict[str, Any]:
     kind = mujoco.mjtGeom(int(model.geom_type[geom]))
-    size = model.geom_aabb[geom, 3:] if kind in BOXED else model.geom_size[geom]
+    size = model.geom_aabb[geom, 3:] if kind in MESHED else model.geom_size[geom]
     return {
         "name": mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom),
         "type": kind.name.removeprefix("mjGEOM_").lower(),
         "size": [round(float(x), 6) for x in size],
         "rgba": [round(float(x), 3) for x in rgba],
+        "body": _name_body(model, int(model.geom_bodyid[geom])),
     }
+
+
+def _name_body(model: mujoco.MjModel, body: int) -> str | None:
+    """Returns the name of a body that moves, or its number; None for one that is fixed to the world."""
+    if int(model.body_weldid[body]) == 0:
+        return None
+    return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or f"body {body}"
+
+
+def _list_triangles(model: mujoco.MjModel, geom: int, most: int) -> tuple[Floats, list[int]]:
+    """Returns the corners (n, 3) [m] of a mesh or height field in the geom's frame, and the corners of its triangles,
+    one after the other; those of its bounding box where there are more than `most`."""
+    kind, part = model.geom_type[geom], int(model.geom_dataid[geom])
+    if kind == mujoco.mjtGeom.mjGEOM_MESH and model.mesh_facenum[part] <= most:
+        vertex, face = int(model.mesh_vertadr[part]), int(model.mesh_faceadr[part])
+        faces = model.mesh_face[face : face + int(model.mesh_facenum[part])]
+        return model.mesh_vert[vertex : vertex + int(model.mesh_vertnum[part])], faces.ravel().tolist()
+    if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
+        rows, columns = int(model.hfield_nrow[part]), int(model.hfield_ncol[part])
+        if 2 * (rows - 1) * (columns - 1) <= most:
+            return _list_ground(model, part, rows, columns)
+    sides = np.array([[corner >> axis & 1 for axis in (2, 1, 0)] for corner in range(8)]) * 2 - 1
+    return model.geom_aabb[geom, :3] + sides * model.geom_aabb[geom, 3:], BOX_FACES
+
+
+def _list_ground(model: mujoco.MjModel, field: int, rows: int, columns: int) -> tuple[Floats, list[int]]:
+    """Returns the corners and triangles of the upper side of a height field, whose rows go along y."""
+    start, (x, y, high, _) = int(model.hfield_adr[field]), model.hfield_size[field]
+    along, across = np.meshgrid(np.linspace(-x, x, columns), np.linspace(-y, y, rows))
+    heights = high * model.hfield_data[start : start + rows * columns]
+    corners = np.arange(rows * columns).reshape(rows, columns)
+    low, right, up, far = corners[:-1, :-1], corners[:-1, 1:], corners[1:, :-1], corners[1:, 1:]
+    faces = np.stack([low, right, far, low, far, up], axis=-1).ravel().tolist()
+    return np.column_stack([along.ravel(), across.ravel(), heights]), faces
 
 
 def _choose_colour(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
@@ -66,7 +116,8 @@ def _describe_inertia(model: mujoco.MjModel, body: int) -> dict[str, Any]:
     squared = 1.5 * (inertia.sum() - 2 * inertia) / model.body_mass[body]
     name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body)
     size = [round(float(x), 6) for x in np.sqrt(np.maximum(squared, 0))]
-    return {"name": name, "type": "box", "size": size, "rgba": [0.62, 0.65, 0.7, 1.0]}
+    moves = _name_body(model, body)
+    return {"name": name, "type": "box", "size": size, "rgba": [0.62, 0.65, 0.7, 1.0], "body": moves}
 
 
 Draw = Callable[[mujoco.MjModel, mujoco.MjData], list[list[float]]]

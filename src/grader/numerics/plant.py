@@ -7,10 +7,11 @@ from mujoco import mjtObj
 from numpy.typing import NDArray
 
 from grader.numerics.scene import Scene
-from grader.numerics.stepping import find_first_warning
 
 NO_RESET = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 Vector = NDArray[np.float64]
+
+STATE_PARTS = ("qpos", "qvel", "act")
 
 
 class Plant:
@@ -21,6 +22,10 @@ class Plant:
         self._workspace = scene.lend()  # never returned: the run may leave anything in it
         self.scene, self.model, self.data = scene, self._workspace.model, self._workspace.data
         self.model.opt.disableflags |= NO_RESET
+        limited = self.model.actuator_ctrllimited.astype(bool)[:, None]
+        self._low, self._high = np.where(limited, self.model.actuator_ctrlrange, [-np.inf, np.inf]).T
+        self._qacc = self.data.qacc
+        self._pushed = self.data.actuator_force, self.data.actuator_velocity
         mujoco.mj_forward(self.model, self.data)
         self.stopped = self._is_lost()
 
@@ -36,7 +41,7 @@ class Plant:
         return not self.stopped
 
     def _is_lost(self) -> bool:
-        return find_first_warning(self._workspace) is not None or not np.isfinite(self.data.qacc).all()
+        return any(self._workspace.warned) or not np.isfinite(self._qacc).all()
 
     def find_sensor(self, name: str) -> slice:
         """Returns the part of sensordata of a sensor. Raises KeyError where there is none of that name."""
@@ -47,6 +52,14 @@ class Plant:
         begin = int(self.model.sensor_adr[index])
         return slice(begin, begin + int(self.model.sensor_dim[index]))
 
+    def find_reading(self, name: str) -> Vector:
+        """Returns a view of what a name stands for: a sensor, or the state's part `qpos`, `qvel` or `act`, where no
+        sensor has that name. Raises KeyError."""
+        if name in STATE_PARTS and mujoco.mj_name2id(self.model, mjtObj.mjOBJ_SENSOR, name) < 0:
+            part: Vector = getattr(self.data, name)
+            return part
+        return np.asarray(self.data.sensordata[self.find_sensor(name)])
+
     def find_dof(self, joint: str) -> int:
         """Returns the place in qvel of a joint of one degree of freedom. Raises KeyError and ValueError."""
         index = self.scene.find_id(mjtObj.mjOBJ_JOINT, joint)
@@ -56,11 +69,10 @@ class Plant:
 
     def clip(self, controls: Vector) -> Vector:
         """Returns controls (nu,) within the actuators' ranges."""
-        limited = self.model.actuator_ctrllimited.astype(bool)
-        low, high = self.model.actuator_ctrlrange.T
-        return np.where(limited, np.clip(controls, low, high), controls)
+        return np.asarray(np.minimum(np.maximum(controls, self._low), self._high))
 
     @property
     def power_w(self) -> float:
         """The mechanical power of all actuators, without regard to its direction [W]."""
-        return float(np.abs(self.data.actuator_force * self.data.actuator_velocity).sum())
+        force, velocity = self._pushed
+        return float(np.abs(force * velocity).sum())

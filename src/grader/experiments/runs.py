@@ -1,6 +1,6 @@
-"""Runs labs and evaluates expressions for certificates; the only module of this room that imports the labs."""
+"""Runs labs and evaluates expressions for measurements; the only module of this room that imports the labs."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 import mujoco
@@ -10,7 +10,6 @@ from grader.domain.verify import Setting
 from grader.errors import ContentError, GraderError, LabError
 from grader.expressions import DATA_RESULTS, DATA_STATE, Machine, compile_program, to_boolean, to_number
 from grader.labs import SAME, LabRun, Variant, build_lab_scene, choose_length_s, format_readout, run_lab
-from grader.questions import ModelXml
 
 __all__ = [
     "DATA_FIELDS",
@@ -21,6 +20,7 @@ __all__ = [
     "Variant",
     "VerifyError",
     "build_lab_scene",
+    "choose_length_s",
     "evaluate",
     "format_readout",
     "read_xml",
@@ -54,7 +54,7 @@ class VerifyError(GraderError):
         super().__init__(why)
 
 
-def read_xml(model: str | None, xml: str | None, model_xml: ModelXml) -> str:
+def read_xml(model: str | None, xml: str | None, model_xml: Callable[[str], str]) -> str:
     """Returns the MJCF that a `verify` names. Raises VerifyError if it names none."""
     if xml is not None:
         return xml

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from grader.certify.experiments import NUDGED, PROBES, SAME, LabRun, Variant
 from grader.domain.verify import Simulation
+from grader.experiments.runs import NUDGED, PROBES, SAME, LabRun, Variant
 
 RESOLVED = 1.0
 """The largest product of timestep and fastest rate: six steps a period at the longest of three timesteps, 25 at the
@@ -109,7 +109,8 @@ def check_regime(run: LabRun, *, to_the_end: bool, fastest: float | None = None)
     if level and run.steps * 2 ** (level + 2) > STEPS_MAX:
         needed = f"above {RESOLVED / rate:.2g} s, and the own timestep is {timestep_s:.3g} s"
         cure = (
-            "make the model less stiff or the run shorter, or write timestep given for a key about the discretisation"
+            "make the model less stiff or the run shorter, or write "
+            '"timestep": "given" for a key about the discretisation'
         )
         raise Unresolved(
             "resolved", f"the fastest motion, {rate:.3g} 1/s, is not resolved by timesteps {needed}: {cure}"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from math import inf, log2
 from typing import Any
 
-from grader.certify.regime import STEPS_MAX, Regime
+from grader.experiments.regime import STEPS_MAX, Regime
 
 CONTRACTS = 0.7
 """Largest ratio of two successive differences with which halving goes on."""

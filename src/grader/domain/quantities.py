@@ -1,0 +1,45 @@
+"""The quantities that can be measured in a time series, by name, and what of a series is looked at. Answer keys
+(`verify`) and the claims of a learner's script share them."""
+
+from typing import Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from grader.domain.numbers import NotNegative, Positive, Real
+
+Summary = Literal[
+    "max", "min", "mean", "rms", "amplitude", "peak_to_peak", "crossing", "crossings", "period", "frequency",
+    "decay_rate", "settling",
+]  # fmt: skip
+"""A number of a whole series."""
+
+QuantityName = Literal["final", Summary, "trace"]
+"""A number of a series; `trace` is the series itself, read at some moments."""
+
+TIMES = frozenset({"crossing", "period", "settling"})
+"""Quantities that are times [s]."""
+
+BASE_UNITS = dict.fromkeys(TIMES, "s") | {"frequency": "Hz", "decay_rate": "1/s", "crossings": ""}
+"""The units of quantities that are read from the moments of a series, whatever its values are in."""
+
+Direction = Literal["up", "down", "either"]
+
+
+class Window(BaseModel):
+    """What of a series is looked at, from `since` to `until` [s], and by what: a `level`, the width of a `band` about
+    it, and the crossing to find by its `direction` and its `count` from 1."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    since: NotNegative = 0.0
+    until: Positive | None = None
+    level: Real | None = None
+    band: Positive | None = None
+    direction: Direction = "up"
+    count: int = Field(default=1, ge=1, le=1000)
+
+    @model_validator(mode="after")
+    def _until_is_later(self) -> Self:
+        if self.until is not None and self.until <= self.since:
+            raise ValueError("until must be later than since")
+        return self

@@ -1,0 +1,96 @@
+"""Measures a number of a motion: its limit as the timestep goes to zero, with the uncertainty, and what fails if it has
+none. Three timesteps, one that is no simple fraction of them, and nudged starts must agree."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from grader.experiments.ladder import Ladder
+from grader.experiments.regime import Regime, check_regime
+from grader.experiments.runs import NUDGED, PROBES, LabRun, Variant
+
+UNCERTAINTY_SHARE = 0.2
+"""Largest numerical uncertainty of a known number, as a share of its tolerance."""
+
+WHOLE = 1e-6
+"""Distance from a whole number at which a run counts as that many steps: rounding of the sum of the timesteps."""
+
+Measure = Callable[[Variant], tuple[LabRun, float]]
+"""Returns a run and the number that was measured in it. Raises Unresolved."""
+
+
+@dataclass(frozen=True)
+class MotionLimit:
+    """A number of the motion: its limit `value`, and what else was measured.
+
+    `own` is the number at the model's own timestep, in the run `run`; `nudged` the numbers from nudged starts. `failed`
+    is the condition because of which the number stays uncertain, with its `cure`.
+    """
+
+    value: float
+    uncertainty: float
+    own: float
+    run: LabRun
+    regime: Regime
+    ladder: Ladder
+    nudged: list[float]
+    noise: float
+    failed: str
+    cure: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain JSON of the regime and of what was varied."""
+        return {**self.regime.to_json(self.ladder.finest), **self.ladder.to_json(), "round-off": self.noise}
+
+
+def find_limit(measure: Measure, allowed: float, *, to_the_end: bool, fastest: float | None = None) -> MotionLimit:
+    """Measure a number until its uncertainty is `allowed`, or no shorter timestep helps.
+
+    `to_the_end` and `fastest` are as for `check_regime`. Raises Unresolved.
+    """
+    run, own = measure(Variant(probes=PROBES))
+    regime = check_regime(run, to_the_end=to_the_end, fastest=fastest)
+    ladder = Ladder(lambda finer: measure(Variant(finer=finer))[1], regime, allowed, {1.0: own})
+    ladder.climb()
+    nudged = [measure(replace(each, finer=regime.first))[1] for each in NUDGED]
+    noise = max(abs(ladder.values[regime.first] - other) for other in nudged)
+    failed, cure = find_failure(ladder, noise)
+    if to_the_end and failed != "nudged starts" and (odd := describe_odd_length(run)):
+        failed, cure = "whole steps", odd
+    return MotionLimit(
+        ladder.best, max(ladder.uncertainty, noise), own, run, regime, ladder, nudged, noise, failed, cure
+    )
+
+
+def find_failure(ladder: Ladder, noise: float) -> tuple[str, str]:
+    """Returns the condition because of which a number stays uncertain, and what the author may change."""
+    if noise >= ladder.uncertainty:
+        return "nudged starts", describe_noise(noise)
+    if ladder.missed >= 0.5 * ladder.uncertainty:
+        return "incommensurate timestep", (
+            "a timestep that is no simple fraction of the others disagrees, as where a force changes faster than the "
+            "timestep: shorten the model's timestep, or give a larger tol"
+        )
+    return "converged", (
+        "it still changes with the timestep: shorten the model's timestep, give a larger tol, or write "
+        '"timestep": "given"'
+    )
+
+
+def describe_odd_length(run: LabRun) -> str | None:
+    """Returns what to write where the run is no whole number of timesteps, so that each timestep ends elsewhere."""
+    timestep_s = run.duration_s / max(run.steps, 1)
+    steps = run.seconds / timestep_s
+    whole = max(1, round(steps))
+    if abs(steps - whole) <= WHOLE:
+        return None
+    return (
+        f"{run.seconds:g} s are no multiple of the timestep {timestep_s:g} s, so that runs at other timesteps end at "
+        f"other times: write seconds {whole * timestep_s:.9g}, or the timestep {run.seconds / whole:.9g} in the model"
+    )
+
+
+def describe_noise(noise: float) -> str:
+    """Says that the start decides, and what to ask for instead."""
+    cure = "ask for something earlier or less sensitive, or give a larger tol"
+    return f"a start nudged by 1e-10 changes it by {noise:.2g}: {cure}"

@@ -1,0 +1,162 @@
+"""Measures quantities in a time series: the number that a claim is about. NaN where a series does not have it."""
+
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from math import nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grader.domain.quantities import Direction, QuantityName, Window
+
+Floats = NDArray[np.float64]
+
+TIME_SLACK_S = 1e-9
+"""Rounding of sums of timesteps."""
+
+PEAKS_MIN = 3
+"""Peaks without which no decay is measured."""
+
+HALF_WAVES = 3
+"""Half-waves without which no rest position is estimated."""
+
+EVERYTHING = Window()
+"""The whole series."""
+
+
+def measure(name: QuantityName, times: Floats, values: Floats, window: Window = EVERYTHING) -> float:
+    """Returns a quantity of a series (n,) at `times` (n,) [s]; NaN where the series does not have it."""
+    inside = times >= window.since - TIME_SLACK_S
+    if window.until is not None:
+        inside &= times <= window.until + TIME_SLACK_S
+    times, values = times[inside], values[inside]
+    if not len(times) or not np.isfinite(values).all():
+        return nan
+    return float(MEASURES[name](times, values, window))
+
+
+def read_trace(times: Floats, values: Floats, at_s: Floats) -> Floats:
+    """Returns the values at some moments [s], between two frames by a straight line."""
+    return np.interp(at_s, times, values)
+
+
+def find_max(times: Floats, values: Floats, window: Window) -> float:
+    """The largest value, between frames by a parabola through the largest and its neighbours."""
+    at = int(np.argmax(values))
+    return refine_peak(values, at)[1]
+
+
+def find_min(times: Floats, values: Floats, window: Window) -> float:
+    """The smallest value, as the largest of the negative."""
+    return -find_max(times, -values, window)
+
+
+def refine_peak(values: Floats, at: int) -> tuple[float, float]:
+    """Returns where the parabola through a frame and its neighbours has its top [frames], and its height."""
+    if not 0 < at < len(values) - 1:
+        return float(at), float(values[at])
+    before, top, after = (float(one) for one in values[at - 1 : at + 2])
+    bend = before - 2 * top + after
+    if bend >= 0:
+        return float(at), top
+    shift = (before - after) / (2 * bend)
+    return at + shift, top - (before - after) * shift / 4
+
+
+def find_mean(times: Floats, values: Floats, window: Window) -> float:
+    """The mean over time."""
+    length = times[-1] - times[0]
+    return float(np.trapezoid(values, times) / length) if length > 0 else float(values[0])
+
+
+def find_rms(times: Floats, values: Floats, window: Window) -> float:
+    """The root of the mean square over time."""
+    return float(np.sqrt(find_mean(times, values**2, window)))
+
+
+def find_peak_to_peak(times: Floats, values: Floats, window: Window) -> float:
+    """The largest value less the smallest one."""
+    return find_max(times, values, window) - find_min(times, values, window)
+
+
+def find_crossings(times: Floats, values: Floats, level: float, direction: Direction) -> Floats:
+    """Returns the moments at which a series crosses a level [s], between frames by a straight line."""
+    above = values - level
+    rises, falls = (above[:-1] < 0) & (above[1:] >= 0), (above[:-1] > 0) & (above[1:] <= 0)
+    wanted = {"up": rises, "down": falls, "either": rises | falls}[direction]
+    at = np.flatnonzero(wanted)
+    share = above[at] / (above[at] - above[at + 1])
+    return np.asarray(times[at] + share * (times[at + 1] - times[at]))
+
+
+def find_crossing(times: Floats, values: Floats, window: Window) -> float:
+    """The moment of one crossing [s]."""
+    found = find_crossings(times, values, window.level or 0.0, window.direction)
+    return float(found[window.count - 1]) if len(found) >= window.count else nan
+
+
+def find_period(times: Floats, values: Floats, window: Window) -> float:
+    """The mean time between two upward crossings [s], of the rest position where no level is given."""
+    level = estimate_rest(times, values) if window.level is None else window.level
+    found = find_crossings(times, values, level, "up")
+    return float((found[-1] - found[0]) / (len(found) - 1)) if len(found) > 1 else nan
+
+
+def estimate_rest(times: Floats, values: Floats) -> float:
+    """Returns the level about which a series oscillates: of the last three whole half-waves the mean of the two
+    outer peaks and the one between, so that a decay is off by the square of its share in half a wave alone. A peak is
+    the farthest value between two crossings of the middle. With fewer half-waves it is the middle between the largest
+    and the smallest value."""
+    middle = float(values.max() + values.min()) / 2
+    at = np.searchsorted(times, find_crossings(times, values, middle, "either"))
+    if len(at) <= HALF_WAVES:
+        return middle
+    spans = [values[begin:end] - middle for begin, end in pairwise(at[-HALF_WAVES - 1 :])]
+    first, second, third = (float(span[np.abs(span).argmax()]) for span in spans)
+    return middle + (first + 2 * second + third) / 4
+
+
+def find_decay_rate(times: Floats, values: Floats, window: Window) -> float:
+    """The rate at which the peaks above the level decay [1/s]: the slope of their logarithm, by least squares."""
+    above = values - (window.level or 0.0)
+    tops = [k for k in range(1, len(above) - 1) if above[k - 1] < above[k] >= above[k + 1] and above[k] > 0]
+    peaks = [refine_peak(above, k) for k in tops]
+    if len(peaks) < PEAKS_MIN:
+        return nan
+    moments = np.interp([at for at, _ in peaks], np.arange(len(times)), times)
+    return -float(np.polyfit(moments, np.log([height for _, height in peaks]), 1)[0])
+
+
+def find_settling(times: Floats, values: Floats, window: Window) -> float:
+    """The time from the begin of the window on after which a series stays within the band about the level, by default
+    its last value [s]; NaN if it is outside at the end."""
+    level = float(values[-1]) if window.level is None else window.level
+    assert window.band is not None
+    off = np.abs(values - level)
+    outside = np.flatnonzero(off > window.band)
+    if not len(outside):
+        return 0.0
+    last = int(outside[-1])
+    if last == len(off) - 1:
+        return nan
+    share = (off[last] - window.band) / (off[last] - off[last + 1])
+    return float(times[last] + share * (times[last + 1] - times[last]) - times[0])
+
+
+MEASURES: Mapping[QuantityName, Callable[[Floats, Floats, Window], float]] = {
+    "final": lambda times, values, window: values[-1],
+    "max": find_max,
+    "min": find_min,
+    "mean": find_mean,
+    "rms": find_rms,
+    "amplitude": lambda *given: find_peak_to_peak(*given) / 2,
+    "peak_to_peak": find_peak_to_peak,
+    "crossing": find_crossing,
+    "crossings": lambda times, values, window: len(
+        find_crossings(times, values, window.level or 0.0, window.direction)
+    ),
+    "period": find_period,
+    "frequency": lambda *given: 1 / find_period(*given),
+    "decay_rate": find_decay_rate,
+    "settling": find_settling,
+}

@@ -1,0 +1,2 @@
+def largest_stable_timestep(model, integrator):
+    return None

@@ -1,0 +1,2 @@
+def tip(angle):
+    return 0.0
