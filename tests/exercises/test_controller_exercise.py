@@ -1,17 +1,21 @@
 """Controllers in closed loop, through the real jail: every reference program gets its status and its diagnosis, and no
 cheat finds what is hidden."""
 
+import json
+import shutil
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from grader.domain.run import Job, Limits, RunReport
 from grader.domain.verdict import Status, Verdict
 from grader.exercises import plan_exercise
-from grader.grading.checking import read_demand
 from grader.grading.pipeline import Pipeline
+from grader.grading.references import read_demand
 from grader.library import load
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
@@ -23,13 +27,32 @@ QUIZ = "3.1-exercises"
 PROGRAMS = sorted((ROOT / "reference_solutions" / QUIZ).glob("*/*.py"))
 CHEATS = sorted((Path(__file__).parent / "controller_cheats").glob("*.py"))
 SEED = 7
+LIMITS = Limits(cpu_s=4, wall_s=40)
+"""Programs that hang end soon; the others use a second at most."""
 
 
 @pytest.fixture(scope="module")
 def pipeline() -> Iterator[Pipeline]:
-    library = load(ROOT)
+    library = load(ROOT, QUIZ)
     with Jail(library.root / "models", workers=2, allow_t2=True) as jail:
-        yield Pipeline(library, jail.run)
+
+        def run(job: Job) -> RunReport:
+            return jail.run(replace(job, limits=LIMITS))
+
+        yield Pipeline(library, run)
+
+
+@pytest.fixture(scope="module")
+def short(pipeline: Pipeline, tmp_path_factory: pytest.TempPathFactory) -> Pipeline:
+    """The exercise `altitude` with two episodes in its last case, where the number of episodes shows nothing."""
+    folder = tmp_path_factory.mktemp("short")
+    shutil.copytree(ROOT / "models", folder / "models")
+    shutil.copytree(ROOT / "quizzes" / "starters", folder / "quizzes" / "starters")
+    quiz = json.loads((ROOT / "quizzes" / f"{QUIZ}.json").read_text())
+    quiz["questions"] = [one for one in quiz["questions"] if one["id"] == "altitude"]
+    quiz["questions"][0]["check"]["cases"][-1]["episodes"] = 2
+    (folder / "quizzes" / f"{QUIZ}.json").write_text(json.dumps(quiz))
+    return Pipeline(load(folder), pipeline.run)
 
 
 def grade(pipeline: Pipeline, question: str, source: str, seed: int = SEED) -> Verdict:
@@ -76,8 +99,8 @@ def test_nothing_hidden_is_among_what_enters_the_jail(pipeline: Pipeline) -> Non
 
 
 @pytest.mark.parametrize("path", CHEATS, ids=lambda path: path.stem)
-def test_a_cheat_earns_nothing(path: Path, pipeline: Pipeline) -> None:
-    verdict = grade(pipeline, "altitude", path.read_text())
+def test_a_cheat_earns_nothing(path: Path, short: Pipeline) -> None:
+    verdict = grade(short, "altitude", path.read_text())
     assert verdict.points == 0, verdict.diagnosis
     assert verdict.status in (Status.INCORRECT, Status.CRASHED, Status.TIMED_OUT)
 
@@ -96,40 +119,40 @@ def make(model):
 """
 
 
-def test_the_frames_of_the_driver_hold_the_public_model_alone(pipeline: Pipeline) -> None:
+def test_the_frames_of_the_driver_hold_the_public_model_alone(short: Pipeline) -> None:
     """The script finds a mass: that of the model that it gets, not one of those that are simulated."""
-    verdict = grade(pipeline, "altitude", FRAMES)
+    verdict = grade(short, "altitude", FRAMES)
     assert (verdict.status, verdict.points) == (Status.PARTIAL, 1), verdict.diagnosis
     reached = {finding.title.partition(":")[0] for finding in verdict.findings if finding.passed}
     assert reached == {"without a load, to 1 m"}
 
 
-def test_no_number_of_a_hidden_episode_is_printed_or_told(pipeline: Pipeline) -> None:
+def test_no_number_of_a_hidden_episode_is_printed_or_told(short: Pipeline) -> None:
     source = (
         "def make(model):\n    def act(t, seen):\n        print('target', seen[2])\n"
         "        if seen[2] not in (1.0, 5.0):\n            raise ValueError(f'target {seen[2]}')\n"
         "        return 9.81\n    return act\n"
     )
-    verdict = grade(pipeline, "altitude", source)
+    verdict = grade(short, "altitude", source)
     assert set(verdict.stdout.split("\n")) <= {"target 1.0", "target 5.0", ""}
     hidden = [finding.message for finding in verdict.findings if "hidden" in finding.title]
     assert hidden[0] == "ValueError, in line 5 of your script."
     assert all(finding.measured is None for finding in verdict.findings if "hidden" in finding.title)
 
 
-def test_a_hang_in_a_hidden_episode_tells_no_moment(pipeline: Pipeline) -> None:
+def test_a_hang_in_a_hidden_episode_tells_no_moment(short: Pipeline) -> None:
     source = (
         "def make(model):\n    def act(t, seen):\n        while seen[2] not in (1.0, 5.0):\n            pass\n"
         "        return 9.81\n    return act\n"
     )
-    verdict = grade(pipeline, "altitude", source)
+    verdict = grade(short, "altitude", source)
     assert verdict.status is Status.TIMED_OUT
     assert "It was in hidden case 1." in (verdict.diagnosis or "")
 
 
-def test_the_noise_and_the_numbers_repeat_with_the_seed(pipeline: Pipeline) -> None:
+def test_the_noise_and_the_numbers_repeat_with_the_seed(short: Pipeline) -> None:
     source = "def make(model):\n    return lambda t, seen: 9.81 + 12 * (seen[2] - seen[0]) - 8 * seen[1]\n"
-    first, second = (grade(pipeline, "altitude", source) for _ in range(2))
+    first, second = (grade(short, "altitude", source) for _ in range(2))
     assert first.findings == second.findings
     measured = [finding.measured for finding in first.findings if finding.measured is not None]
     assert np.isfinite(measured).all()
@@ -146,7 +169,7 @@ def test_an_exception_loses_its_own_episode_alone(pipeline: Pipeline) -> None:
     assert verdict.status is Status.CORRECT, verdict.diagnosis
 
 
-def test_a_visible_case_has_charts(pipeline: Pipeline) -> None:
+def test_a_visible_case_has_charts(short: Pipeline) -> None:
     source = "def make(model):\n    return lambda t, seen: 9.81\n"
-    charts = grade(pipeline, "altitude", source).evidence["charts"]
+    charts = grade(short, "altitude", source).evidence["motions"]
     assert [chart["case"] for chart in charts] == ["empty", "empty", "load", "load"]

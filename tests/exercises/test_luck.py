@@ -10,6 +10,7 @@ import pytest
 from exercises.conftest import model_xml, question, with_check
 from grader.domain.misread import without_remarks
 from grader.exercises import Case, Trial, compute_chance_of_luck, load_kinds
+from grader.exercises.episodes.goals import bound_success
 from grader.exercises.kind import Content
 from grader.exercises.kinds.threshold.parameters import ThresholdParameters
 from grader.exercises.luck import DRAWS, compute_chance_of_part, select_boxes
@@ -122,3 +123,33 @@ def test_comments_do_not_make_constants_right() -> None:
         assert any(is_right(index, case, seed_with(comment)) for comment in range(600)), case.id
     for comment in range(COMMENTS):
         assert not all(is_right(index, case, seed_with(comment)) for index, case in HIDDEN)
+
+
+SQUARE = """def root(x):
+    return x**0.5
+
+
+def off(x, y):
+    return y * y - x
+"""
+
+
+@pytest.mark.parametrize(("solved", "low", "high"), [(True, 0.0, 1e-3), (False, 1.0, 1.0)])
+def test_of_a_residual_answers_are_tried_where_the_author_solves_it(solved: bool, low: float, high: float) -> None:
+    check: dict[str, Any] = {
+        "kind": "values",
+        "program": "p.py",
+        "functions": [{"name": "root", "results": [{"name": "root"}], "residual": {"function": "off", "atol": 0.01}}],
+        "cases": [{"id": "a", "hidden": True, "function": "root", "calls": 3, "arguments": [[1, 9]]}],
+    }
+    exercise = SERVO.model_copy(update={"check": type(SERVO.check)(**check)})
+    text = SQUARE if solved else SQUARE.partition("\n\n\n")[2]
+    chance, _ = compute_chance_of_luck(exercise, model_xml, lambda _: text)
+    assert low <= chance <= high
+
+
+def test_of_a_share_of_episodes_the_chance_falls_with_their_number() -> None:
+    assert bound_success(5, 5, 10, 0.9) == 1.0
+    chances = [bound_success(1, 5, episodes, 0.9) for episodes in (5, 10, 20)]
+    assert chances == sorted(chances, reverse=True)
+    assert 1e-5 < chances[-1] < 0.05

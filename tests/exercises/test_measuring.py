@@ -25,7 +25,8 @@ from grader.exercises import (
     judge_exercise,
     plan_exercise,
 )
-from grader.exercises.measuring import CPU_S_MAX, limit_cpu
+from grader.exercises.kind import CPU_S_MAX
+from grader.exercises.measuring import limit_cpu
 from grader.grading.pipeline import Pipeline
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion
@@ -166,7 +167,7 @@ def test_one_trial_that_cannot_be_measured_fails_alone(grade: Callable[[str], Ve
     source = f"{RIGHT}\nright, calls = build, []\n\ndef build(mass):\n    calls.append(mass)\n"
     verdict = grade(f"{source}    return right(mass) if len(calls) == 1 else 'nothing'\n")
     assert (verdict.status, [finding.passed for finding in verdict.findings]) == (Status.PARTIAL, [True, False])
-    assert verdict.findings[1].message == "What your function made cannot be compiled and simulated."
+    assert verdict.findings[1].message == "What you made cannot be compiled and simulated."
 
 
 def test_a_judge_sees_what_was_measured_and_nothing_that_was_forged(

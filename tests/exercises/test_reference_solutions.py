@@ -7,7 +7,7 @@ import pytest
 
 from exercises.conftest import ROOT, Grade, question
 from grader.domain.verdict import Status
-from grader.grading.checking import read_demand
+from grader.grading.references import read_demand
 
 PROGRAMS = sorted((ROOT / "reference_solutions" / "1.3-exercises").glob("*/*.py"))
 

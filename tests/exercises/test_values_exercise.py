@@ -308,7 +308,10 @@ def test_a_kind_of_another_package_checks_and_grades(installed: Path, tmp_path: 
 def test_without_the_package_its_kind_is_told_to_be_unknown(tmp_path: Path) -> None:
     checked = grader(tmp_path, words(tmp_path), "check", str(tmp_path))
     assert checked.returncode == 2
-    assert "no kind of exercise is called 'exact-text'; use controller, rk4, threshold, values" in checked.stdout
+    assert (
+        "no kind of exercise is called 'exact-text'; use claims, controller, model, policy, rk4, threshold, values"
+        in checked.stdout
+    )
 
 
 def test_a_kind_that_cannot_be_loaded_is_told_with_its_package(installed: Path, tmp_path: Path) -> None:
@@ -331,3 +334,46 @@ def test_two_packages_that_claim_one_name_are_refused(installed: Path, tmp_path:
     both = grader(Path(f"{installed}{os.pathsep}{again}"), content, "check", str(content))
     assert both.returncode != 0
     assert "two installed packages provide the exercise kind 'exact-text'" in both.stdout + both.stderr
+
+
+REACHING = """import numpy as np
+
+
+def arguments(model, numbers, rng):
+    angle = rng.uniform(-1, 1)
+    return np.array([np.cos(angle), np.sin(angle)]), int(rng.integers(1, 9)), angle + 1
+"""
+
+
+def test_the_authors_program_makes_arguments_of_the_drawn_numbers_and_they_are_checked(tmp_path: Path) -> None:
+    def declare(text: str) -> Library:
+        cases = [{"id": "a", "hidden": True, "calls": 2, "arguments": {"program": "programs/made.py"}}]
+        place = folder(tmp_path, "def two(target, n, x):\n    return target[0] * n, x\n", cases=cases)
+        (place / "programs/made.py").write_text(text)
+        return load(place)
+
+    library = declare(REACHING)
+    one, again, other = (
+        [
+            call.arguments
+            for call in plan_exercise(exercise(library), library.model_xml, seed, library.text).trials[0].problem.calls
+        ]
+        for seed in (1, 1, 2)
+    )
+    assert one == again
+    assert one[0] != one[1] != other[1]
+    target, count, _ = one[0]
+    assert np.hypot(*target) == pytest.approx(1)
+    assert type(count) is int
+    for text, why in {
+        "x = 1": "defines no function arguments",
+        "def arguments(model, numbers, rng):\n    return 1 / 0": "ZeroDivisionError",
+        "def arguments(model, numbers, rng):\n    return 5": "must return a list of at most 20 arguments",
+        "def arguments(model, numbers, rng):\n    return [float('nan')]": "argument 1 must be a finite number",
+        "def arguments(model, numbers, rng):\n    return [1, 'word']": "argument 2 must be",
+        "def arguments(model, numbers, rng):\n    return ['data']": "has no model",
+        "def arguments(model, numbers, rng):\n    return [[0.0] * 10001]": "at most 10000",
+    }.items():
+        with pytest.raises(ContentError) as refused:
+            declare(text)
+        assert why in str(refused.value)

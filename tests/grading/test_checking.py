@@ -1,6 +1,7 @@
 """What `grader check` reports: verdicts that depend on the draw, and points for scripts that solve nothing."""
 
 import json
+import os
 import shutil
 from pathlib import Path
 from typing import Any, NoReturn
@@ -11,12 +12,15 @@ from grader.commands.grade import open_pipeline
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Fault, NotFound
 from grader.exercises.lazy import ODD
-from grader.grading.checking import ContentCheck, ReferenceProgram, check_content, read_demand
+from grader.grading.checking import ContentCheck, check_content
+from grader.grading.references import ReferenceProgram, read_demand
 from grader.grading.selection import Selection
 from grader.library import Library, PassedChecks, load
 from grader.questions.kinds.script import ScriptQuestion
 
 ROOT = Path(__file__).parents[2]
+LESSON = Path(os.environ["GRADER_CONTENT"])
+"""The content of one lesson: what is lazy at a controller takes a second each."""
 
 FILE = "reference_solutions/q/limit/partial__too_short.py"
 
@@ -90,7 +94,7 @@ def test_another_diagnosis_in_some_draws_is_told() -> None:
         ({"status": "wrong"}, "the name must begin with a status: correct, partial"),
         ({"status": "correct"}, "graded partial (Your runs are too short.)"),
         ({"diagnosis": "one second"}, "diagnosis is 'Your runs are too short.', not 'one second'"),
-        ({"quiz": "r"}, "graded not found (there is no quiz 'r')"),
+        ({"quiz": "r"}, "graded not found (there is no quiz 'r'); rename the folder"),
     ],
 )
 def test_a_wrong_verdict_is_told_once(changes: dict[str, str], why: str) -> None:
@@ -104,14 +108,14 @@ class Generous:
     def __init__(self, library: Library, points: float) -> None:
         self.library, self.points = library, points
 
-    def grade(self, quiz: str, question: str, answer: Any) -> Verdict:
+    def grade(self, quiz: str, question: str, answer: Any, seed: int) -> Verdict:
         return Verdict(status=Status.PARTIAL, points=self.points, max_points=3)
 
 
 class Broadcasting(Generous):
     """A pipeline that finds nothing to object to in empty arrays."""
 
-    def grade(self, quiz: str, question: str, answer: Any) -> Verdict:
+    def grade(self, quiz: str, question: str, answer: Any, seed: int) -> Verdict:
         points = self.points if "np.zeros(0)" in answer["source"] else 0.0
         return Verdict(status=Status.PARTIAL, points=points, max_points=3)
 
@@ -122,7 +126,7 @@ def test_an_unchanged_folder_needs_no_jail(tmp_path: Path) -> None:
     program.parent.mkdir(parents=True)
     program.write_bytes((ROOT / program.relative_to(tmp_path)).read_bytes())
     for name in ("quizzes", "models"):
-        shutil.copytree(ROOT / name, tmp_path / name)
+        shutil.copytree(LESSON / name, tmp_path / name)
     file = tmp_path / "quizzes" / "1.3-exercises.json"
     quiz = json.loads(file.read_text())
     quiz["questions"] = [one for one in quiz["questions"] if one["id"] == "servo-threshold"]
@@ -185,7 +189,7 @@ def test_no_kind_may_give_more_for_empty_arrays_than_for_none(id_: str, lesson: 
 
 def test_one_question_alone_is_checked_and_says_what_it_does(tmp_path: Path) -> None:
     for name in ("quizzes", "models"):
-        shutil.copytree(ROOT / name, tmp_path / name)
+        shutil.copytree(LESSON / name, tmp_path / name)
     done: list[str] = []
     report = check_content(
         tmp_path, refuse, lambda _: None, only=Selection("1.3-check", "q2"), doing=done.append
@@ -205,7 +209,7 @@ def largest_stable_timestep(model, integrator):
 
 def test_each_mistake_of_the_authors_is_told_its_own_sentence_or_is_a_fault(tmp_path: Path) -> None:
     for name in ("quizzes", "models"):
-        shutil.copytree(ROOT / name, tmp_path / name)
+        shutil.copytree(LESSON / name, tmp_path / name)
     (tmp_path / "programs").mkdir()
     for name, source in (("one", HALF.format(share=1)), ("same", HALF.format(share=1.0))):
         (tmp_path / f"programs/{name}.py").write_text(source)
@@ -214,7 +218,7 @@ def test_each_mistake_of_the_authors_is_told_its_own_sentence_or_is_a_fault(tmp_
     quiz["questions"] = [one for one in quiz["questions"] if one["id"] == "servo-threshold"]
     sentences = {"one": "It is no stiffness.", "same": "It is the same."}
     mistakes = [{"program": f"programs/{name}.py", "sentence": said} for name, said in sentences.items()]
-    quiz["questions"][0]["check"]["mistakes"] = mistakes[:1]
+    quiz["questions"][0]["check"] |= {"mistakes": mistakes[:1], "luck": 1}  # nothing is drawn to bound it
     file.write_text(json.dumps(quiz))
     checks, only = PassedChecks(tmp_path / "cache"), Selection("1.3-exercises", "servo-threshold")
     said: list[str] = []

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from grader import exercises
 from grader.domain.run import SOURCE_BYTES_MAX, Job, RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import JailFault, NotFound, TooLarge, Unprocessable
@@ -89,7 +90,7 @@ def test_a_fault_in_preparing_hides_no_crash_of_the_script(
     def prepare(*_: object) -> None:
         raise ValueError("a bug of the kind's")
 
-    monkeypatch.setattr(pipeline, "prepare_exercise", prepare)
+    monkeypatch.setattr(exercises, "prepare_exercise", prepare)
     graded = Pipeline(library, lambda _: report)
     verdict = graded.judge(graded.read("1.3-exercises", "servo-threshold", SCRIPT))
     assert verdict.status is status
@@ -118,7 +119,7 @@ def test_models_are_compiled_while_the_script_runs(library: Library, monkeypatch
         assert len(hidden) == 6 and not visible & hidden
         return RunReport(RunStatus.RETURNED)
 
-    monkeypatch.setattr(pipeline, "prepare_exercise", prepare)
+    monkeypatch.setattr(exercises, "prepare_exercise", prepare)
     verdict = Pipeline(library, run).grade("1.3-exercises", "servo-threshold", SCRIPT)
     before, planned, running = counts
     assert verdict.status is Status.INCORRECT
@@ -136,7 +137,7 @@ def test_the_jail_compiles_hidden_models_where_that_fails_here(
         assert job.late_inputs() == {}
         return RunReport(RunStatus.CRASHED, "it crashed")
 
-    monkeypatch.setattr(pipeline, "save_hidden_models", save)
+    monkeypatch.setattr(exercises, "save_hidden_models", save)
     verdict = Pipeline(library, run).grade("1.3-exercises", "servo-threshold", SCRIPT)
     assert (verdict.status, verdict.diagnosis) == (Status.CRASHED, "it crashed")
 

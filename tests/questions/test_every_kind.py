@@ -4,14 +4,12 @@
 """
 
 import json
-import os
 import re
 import secrets
-import subprocess
-import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +30,10 @@ from grader.library import Library, load
 from grader.questions import AnyKind, Example, Question, installed_kinds, kind_of, parse_question, question_adapter
 from grader.service.worker import build_worker
 from grader.settings import Settings
+from support.command_line import grader
 from support.sites import Site, open_site
 
 API = "/api/v1"
-GRADER = Path(sys.executable).parent / "grader"
 SHOWN = {"id", "kind", "label", "title", "q", "points", "attempts"}
 """The author's keys that every question shows."""
 
@@ -96,6 +94,9 @@ JAILED = [
 """The same, to try each where a script must run."""
 
 
+Work = Callable[[Site, Case], None]
+
+
 @pytest.fixture(params=[pytest.param(one, id=name) for name, one in CASES.items()])
 def case(request: pytest.FixtureRequest) -> Case:
     found: Case = request.param
@@ -144,18 +145,22 @@ def site(whole_site: Site) -> Site:
     return replace(whole_site, course=f"course-{secrets.token_hex(4)}")
 
 
-def work(site: Site, case: Case) -> None:
-    """Does all jobs; scripts in the jail."""
-    context = site.app.state.services
-    graders = Graders(int(case.kind.is_script), allow_t2=False)
-    try:
+@pytest.fixture(scope="module")
+def work() -> Iterator[Work]:
+    """Does all jobs; scripts in one grading process, which starts with the first of them."""
+    graders = Graders(1, allow_t2=False)
+    started = cache(graders.start)
+
+    def do_all(site: Site, case: Case) -> None:
         if case.kind.is_script:
-            graders.start()
+            started()
+        context = site.app.state.services
         worker = build_worker(site.settings, context.database, context.content.archive, graders)
         while worker.do_one():
             pass
-    finally:
-        graders.close()
+
+    yield do_all
+    graders.close()
 
 
 def hand_in(client: httpx.Client, case: Case, answer: Any, quiz: str = "every") -> httpx.Response:
@@ -268,7 +273,7 @@ def test_no_answer_breaks_it(case: Case, nonsense: Any) -> None:
 
 
 @pytest.mark.parametrize("case", JAILED)
-def test_every_answer_gets_its_status(site: Site, case: Case) -> None:
+def test_every_answer_gets_its_status(site: Site, case: Case, work: Work) -> None:
     for index, (answer, status) in enumerate(case.example.answers):
         client = site.client(f"learner{index}")
         sent = hand_in(client, case, answer)
@@ -283,7 +288,7 @@ def test_every_answer_gets_its_status(site: Site, case: Case) -> None:
 
 
 @pytest.mark.parametrize("case", JAILED)
-def test_a_learner_sees_what_the_policy_allows(site: Site, case: Case) -> None:
+def test_a_learner_sees_what_the_policy_allows(site: Site, case: Case, work: Work) -> None:
     ann, tina = site.client("ann"), site.client("tina", "instructor")
     sent = hand_in(ann, case, case.example.answers[-2][0], "held")
     if sent.status_code == 202:
@@ -403,7 +408,9 @@ def handed_in(site: Site, case: Case) -> tuple[httpx.Client, str]:
 
 
 @pytest.mark.parametrize("case", JAILED)
-def test_instructors_see_the_answer_everywhere(site: Site, handed_in: tuple[httpx.Client, str], case: Case) -> None:
+def test_instructors_see_the_answer_everywhere(
+    site: Site, handed_in: tuple[httpx.Client, str], case: Case, work: Work
+) -> None:
     tina, submission = handed_in
     work(site, case)
     told = tina.get(f"{API}/submissions/{submission}").json()
@@ -430,7 +437,7 @@ def visible(text: str) -> str:
 
 
 @pytest.mark.parametrize("case", JAILED)
-def test_the_feed_of_results_has_it(site: Site, case: Case) -> None:
+def test_the_feed_of_results_has_it(site: Site, case: Case, work: Work) -> None:
     hand_in(site.client("ann"), case, case.right)
     work(site, case)
     (row,) = site.client("lms", "service").get(f"{API}/results").json()["items"]
@@ -438,7 +445,7 @@ def test_the_feed_of_results_has_it(site: Site, case: Case) -> None:
 
 
 @pytest.mark.parametrize("case", JAILED)
-def test_a_regrade_by_the_same_content_changes_nothing(site: Site, case: Case) -> None:
+def test_a_regrade_by_the_same_content_changes_nothing(site: Site, case: Case, work: Work) -> None:
     hand_in(site.client("ann"), case, case.right)
     tina = site.client("tina", "instructor")
     work(site, case)
@@ -452,14 +459,13 @@ def test_a_regrade_by_the_same_content_changes_nothing(site: Site, case: Case) -
 # Commands.
 
 
-@pytest.mark.process
 @pytest.mark.parametrize("case", JAILED)
-def test_the_command_line_grades_it(folder: Path, tmp_path: Path, case: Case) -> None:
+def test_the_command_line_grades_it(folder: Path, tmp_path: Path, case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
     text = case.right if isinstance(case.right, str) else json.dumps(case.right)
     if case.kind.is_script:
         (tmp_path / "answer.py").write_text(case.kind.show(case.question, case.right))
         text = str(tmp_path / "answer.py")
-    environment = {**os.environ, "GRADER_CONTENT": str(folder), "GRADER_ALLOW_T2": "true"}
-    command = [str(GRADER), "grade", "every", case.name, text, "--json"]
-    graded = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    monkeypatch.setenv("GRADER_CONTENT", str(folder))
+    monkeypatch.setenv("GRADER_ALLOW_T2", "true")
+    graded = grader("grade", "every", case.name, text, "--json")
     assert json.loads(graded.stdout)["status"] == case.best, graded.stderr

@@ -51,7 +51,7 @@ SCRIPTS = ["0123456789", "٠١٢٣٤٥٦٧٨٩", "۰۱۲۳۴۵۶۷۸۹", "०१
 @given(finite, st.sampled_from(UNITS), st.sampled_from(FRAMES))
 def test_what_is_printed_is_read_back(value: float, unit: str, frame: str) -> None:
     shown = str(Quantity(value, value, None, spelling.without_markup(unit)))
-    assert read_quantity(frame.format(shown), unit).value == pytest.approx(value, rel=1e-11)
+    assert read_quantity(frame.format(shown), unit).value == pytest.approx(value, rel=5e-6)  # six digits are shown
 
 
 @given(finite, st.sampled_from(SCRIPTS), st.sampled_from(["ms", "N m/rad", None]))

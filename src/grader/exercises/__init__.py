@@ -1,7 +1,9 @@
 """Exercises: scripts that are run in the jail and judged by simulating again, each of a kind that is a plug-in. Other
 rooms import from here alone. A kind of exercise subclasses `Kind`; docs/authoring.md says what an author writes."""
 
+from grader.domain.axes import ClassAxis, Placed, Position
 from grader.domain.numbers import NotNegative, Points, Positive, Range, Real, Value
+from grader.domain.progress import TrialProgress
 from grader.domain.run import ChannelClosed, Limits, MalformedAnswer
 from grader.exercises.authored import write_wrong_scripts
 from grader.exercises.film import Film, Panel
@@ -22,10 +24,11 @@ from grader.exercises.kind import (
 )
 from grader.exercises.lazy import write_lazy_answers
 from grader.exercises.luck import compute_chance_of_luck
-from grader.exercises.parameters import Case, ExerciseParameters, Number, Strict, WrongParameter, draw_number
+from grader.exercises.parameters import Case, ExerciseParameters, Number, Start, Strict, WrongParameter, draw_number
 from grader.exercises.planning import (
     GROUP,
     Plan,
+    find_placing,
     list_codes,
     load_kinds,
     plan_exercise,
@@ -33,15 +36,17 @@ from grader.exercises.planning import (
     save_hidden_models,
 )
 from grader.exercises.progress import Progress, Tell
-from grader.exercises.rehearsing import check_exercise
+from grader.exercises.rehearsing import certify_exercise, check_exercise
 from grader.exercises.runner import judge_exercise
 from grader.exercises.visible import describe_exercise, list_visible_models
+from grader.numerics.shares import bound_share
 
 __all__ = [
-    "GROUP", "Ask", "Case", "ChannelClosed", "DrawnCase", "ExerciseParameters", "Film", "Intervals", "JudgedTrial",
-    "Judgement", "Kind", "LazyAnswer", "Limits", "MalformedAnswer", "Measurement", "Mistake", "NotNegative",
-    "Number", "Panel", "Part", "Plan", "Points", "Positive", "Progress", "Range", "Real", "Results", "Strict", "Tell",
-    "TextOf", "Trial", "Value", "WrongParameter", "check_exercise", "compute_chance_of_luck", "describe_exercise",
-    "draw_number", "judge_exercise", "list_codes", "list_visible_models", "load_kinds", "plan_exercise",
+    "GROUP", "Ask", "Case", "ChannelClosed", "ClassAxis", "DrawnCase", "ExerciseParameters", "Film", "Intervals",
+    "JudgedTrial", "Judgement", "Kind", "LazyAnswer", "Limits", "MalformedAnswer", "Measurement", "Mistake",
+    "NotNegative", "Number", "Panel", "Part", "Placed", "Plan", "Points", "Position", "Positive", "Progress", "Range",
+    "Real", "Results", "Start", "Strict", "Tell", "TextOf", "Trial", "TrialProgress", "Value", "WrongParameter",
+    "bound_share", "certify_exercise", "check_exercise", "compute_chance_of_luck", "describe_exercise", "draw_number",
+    "find_placing", "judge_exercise", "list_codes", "list_visible_models", "load_kinds", "plan_exercise",
     "prepare_exercise", "save_hidden_models", "write_lazy_answers", "write_wrong_scripts",
 ]  # fmt: skip

@@ -44,6 +44,23 @@ def advise_on_spelling(name: str, owner: object) -> str:
     return f"did you mean {found[0]}?" if owner is not None and found else ""
 
 
+def advise_on_lengths(first: int, second: int) -> str:
+    """Advises on two arrays of different lengths: those of positions and velocities differ where a model has
+    quaternions."""
+    lengths = f"one array has {count_numbers(first)}, the other {count_numbers(second)}"
+    if 0 < abs(first - second) < min(first, second):
+        return (
+            f"{lengths}; if they are qpos and qvel, a quaternion has four numbers in qpos and three in qvel: "
+            "mujoco.mj_integratePos moves qpos by a velocity"
+        )
+    return lengths
+
+
+def count_numbers(count: int) -> str:
+    """`1 number`, `7 numbers`."""
+    return f"{count} number{'' if count == 1 else 's'}"
+
+
 IMPORTS = {"np": "import numpy as np", "numpy": "import numpy", "math": "import math", "mujoco": "import mujoco"}
 """The line that defines a name which scripts use without it."""
 
@@ -55,6 +72,17 @@ RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
     (
         re.compile(r"No module named '([\w.]+)'"),
         lambda found: f"{found[1]} is not installed here; a script can import {PACKAGES}",
+    ),
+    (
+        re.compile(r"UnboundLocalError: .*local variable '(\w+)'"),
+        lambda found: (
+            f"a function that assigns {found[1]} makes it its own: write nonlocal {found[1]} at its beginning, or "
+            f"global {found[1]} if it belongs to the module"
+        ),
+    ),
+    (
+        re.compile(r"ValueError: operands could not be broadcast together with shapes \((\d+),\) \((\d+),\)"),
+        lambda found: advise_on_lengths(int(found[1]), int(found[2])),
     ),
     (re.compile(r"'([\w.]+)' object has no attribute '(\w+)'"), advise_on_attribute),
     (re.compile(r"module 'mujoco' has no attribute '(\w+)'"), lambda found: advise_on_spelling(found[1], mujoco)),

@@ -40,7 +40,8 @@ class Judgement(Generic[Outcome]):
     its message is `unmet`. `review` is a sentence that asks for a person's decision; empty if none is needed.
 
     `parts` are the findings of the trial where it has several: it has passed if all have, and each has its own points.
-    `crashed`: the script raised before there was anything to judge; in a trial whose steps are played."""
+    `crashed`: the script raised before there was anything to judge, in a trial whose steps are played; or the file that
+    was handed in could not be read."""
 
     passed: bool
     message: str

@@ -1,13 +1,15 @@
 """Defines a kind of exercise, and the values that pass between a kind and the runner."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import mujoco
 import numpy as np
 
+from grader.domain.axes import Placed
+from grader.domain.progress import TrialProgress
 from grader.domain.run import Job, Limits, RunReport
 from grader.exercises.explaining.claims import Claim
 from grader.exercises.explaining.places import Landmark
@@ -16,7 +18,7 @@ from grader.exercises.film import Film
 from grader.exercises.judgement import Judgement, Outcome, Part, Results
 from grader.exercises.parameters import Case, ExerciseParameters
 from grader.exercises.trace import NO_TRACE, Trace
-from grader.questions import ModelXml, Reveal
+from grader.questions import ModelXml, Reveal, Takes
 from grader.questions.kinds.script import ScriptQuestion
 
 __all__ = [
@@ -24,15 +26,27 @@ __all__ = [
     "Mistake", "Part", "Results", "TextOf", "Trial",
 ]  # fmt: skip
 
-Ask = Callable[[bytes], bytes]
-"""Sends a message to the kind's driver, which is in a trial, and returns its answer: a claim of the script's process.
-Raises ChannelClosed once the script has ended."""
+
+class Ask(Protocol):
+    """Asks the kind's driver, which is in a trial."""
+
+    def __call__(self, message: bytes, /) -> bytes:
+        """Sends a message and returns the answer: a claim of the script's process. Raises ChannelClosed once the script
+        has ended."""
+
+    def tell(self, progress: TrialProgress, /) -> None:
+        """Tells the learner how far a trial is that takes long; nothing of a hidden one. Costs 20 us: tell it for each
+        episode or second of a simulation, not for each step."""
+
 
 TextOf = Callable[[str], str]
 """Returns the text of a file of the content folder by its path in it; raises GraderError if it cannot be read."""
 
 Intervals = Sequence[tuple[float, float]]
 """Intervals (lowest, highest) of accepted numbers, one for each number of an answer; (inf, inf) means None."""
+
+CPU_S_MAX = 120.0
+"""CPU time of all measurements of a script together [s]: far less than a verdict may take."""
 
 ALIKE = 0.005
 """Numbers that differ by no more, relative to the larger, come from the same mistake: what is measured has three
@@ -45,11 +59,13 @@ Problem = TypeVar("Problem")
 
 @dataclass(frozen=True)
 class Content:
-    """The question's `entry`, and the models and files of the content folder, which a kind may read."""
+    """The question's `entry`, the models and files of the content folder, which a kind may read, and what the question
+    `takes`."""
 
     entry: str
     model_xml: ModelXml
     text_of: TextOf
+    takes: Takes = "python"
 
 
 @dataclass(frozen=True)
@@ -74,7 +90,8 @@ class Trial(Generic[Problem]):
     `problem` is what only the judge knows. `title` follows the case's title; it is public also where the trial is
     hidden. `points` are shares of the case's points. `entries` names the student's functions that the driver gets;
     empty means the question's `entry`. `cpu_s` is the CPU time that the script may take in the trial [s], of a kind
-    that plays; a script that takes more is ended.
+    that plays; a script that takes more is ended. `measured` are the inputs of the measuring program, where they hold
+    what the script may not know; None: `inputs`.
 
     The runner sets `case`, and hides the trials of a hidden case. A trial of `build_further_trials` has no case: it
     sets `hidden` itself, and its `points` are shares of the question's.
@@ -89,6 +106,7 @@ class Trial(Generic[Problem]):
     hidden: bool = False
     case: Case | None = None
     cpu_s: float | None = None
+    measured: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,10 +145,12 @@ class Measurement:
     """A program that compiles and simulates what a script made, in a process of the jail of its own for each trial. It
     is Python source like a driver's, and defines `measure(inputs, results, submit)`: the trial's `inputs`, and the
     arrays that the driver submitted. `judge` gets the arrays that it submits in their place. If it raises, or reaches
-    one of its limits, the trial is failed with a sentence that says which, and `judge` is not called."""
+    one of its limits, the trial is failed with a sentence that says which, and `judge` is not called. No further trial
+    is measured once all of a script have taken `cpu_s_all` [s]."""
 
     program: str
     limits: Limits = field(default_factory=lambda: Limits(cpu_s=2, wall_s=20))
+    cpu_s_all: float = CPU_S_MAX
 
 
 def agree(one: Any, other: Any) -> bool:
@@ -157,6 +177,9 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
 
     parameters: type[P]
     driver: str
+    takes: Sequence[Takes] = ("python",)
+    """What may be handed in. For MJCF text and for a file the student's function, which the grader writes, takes any
+    arguments and returns the text, or the bytes of the file: a stranger's, of up to 256 KB."""
     measurement: Measurement | None = None
     """What is needed where a script makes models, or anything else that takes time or files to judge: never compile or
     simulate it in `judge`, which runs in the grader's own process."""
@@ -191,6 +214,11 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     def rehearse(self, parameters: P, trial: Trial[Problem]) -> None:
         """Raises ValueError if the trial cannot be judged; called when content is loaded."""
         self.prepare(parameters, trial)
+
+    def certify(self, parameters: P, trial: Trial[Problem]) -> None:
+        """Raises ValueError if what the trial is compared with is not certain; called by `grader check`, which may take
+        longer than loading content."""
+        return
 
     def prepare(self, parameters: P, trial: Trial[Problem]) -> None:
         """Computes and caches what `judge` needs of the trial whatever the script does; called while it runs. Raises
@@ -258,7 +286,9 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         """Returns the verdict's evidence as plain JSON (lists, no arrays). `charts` is drawn by the student's page: a
         list of {"case": the trial's id, "title", "x": {"label", "log"}, "y": {"label", "log"}, "series": [{"label",
         "x": [...], "y": [...], "points": whether to draw points}], "marks": [{"y": a value to mark, "label"}]}.
-        Students see it with the solutions."""
+        `motions` is such a list as well. `tables` is a list of {"case", "title", "head": [texts], "rows": [[texts]]}.
+        Students see `charts` and `tables` with the solutions, and `motions`, which show
+        no more than what the learner's own answer did, with the feedback."""
         return {}
 
     def record_films(
@@ -269,6 +299,13 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         ids of failed trials, are as much of the verdict as the reader may see: a film shows no more than they tell.
         The evidence may be that of an older version. With `timestep_s`, which the reader has chosen, the runs at this
         timestep [s] alone, where the evidence tells what they show."""
+        return ()
+
+    def place_on_axes(self, parameters: P, verdict: Mapping[str, Any]) -> Iterable[Placed]:
+        """Returns the numbers of a verdict, each on the axis of its limit: the page of a class draws one dot a learner
+        there. `verdict` is a stored one as plain JSON, possibly of an older version; read its findings and evidence by
+        the functions of grader.domain.axes, leave out what cannot be read, and simulate nothing. An axis has the same
+        id in every verdict."""
         return ()
 
     def write_lazy_answers(
@@ -287,6 +324,12 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         `list_accepted` says it."""
         return None
 
+    def count_lucky(self, parameters: P, draws: Sequence[Sequence[Trial[Problem]]]) -> Sequence[int] | None:
+        """Returns in how many draws of one case the best fixed answer is right, for each part of an answer whose draws
+        are independent: where `list_accepted` is None, as right answers are no intervals, but answers can be tried.
+        None: unknown."""
+        return None
+
     def list_accepted(self, parameters: P, trials: Sequence[Trial[Problem]]) -> Sequence[Intervals] | None:
         """Returns the intervals of right answers to the trials of one case, for the chance of a fixed answer.
 
@@ -295,6 +338,7 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         own. A case of one drawn model with the right answers `right` returns
         [[(value - tolerance, value + tolerance) for value in right]].
 
-        None: unknown, which counts as a chance of 1. `grader check` then refuses the exercise unless its `luck` is 1.
+        None: unknown, which counts as a chance of 1 where `count_lucky` does not say it. `grader check` then
+        refuses the exercise unless its `luck` is 1.
         """
         return None

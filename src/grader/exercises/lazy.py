@@ -27,15 +27,17 @@ def write_lazy_answers(
 ) -> list[LazyAnswer]:
     """Returns scripts that do not solve the exercise, with the points that each may earn at most. The starter may earn
     none. A script that answers every model alike may earn the points of the visible trials, and one that returns values
-    of an odd shape no more than one that returns None."""
+    of an odd shape no more than one that returns None. Those of models and files are as in `write_lazy_answers` of the
+    kind: MJCF, or base64."""
     kind, plan = load_kinds()[question.check.kind], plan_exercise(question, model_xml, 0, text_of)
     share = sum(trial.points for trial in plan.trials if not trial.hidden) / sum(trial.points for trial in plan.trials)
     alike, most = kind.write_lazy_answers(question, plan.parameters, plan.trials), share * question.points
     counts = {name: kind.count_returned(trial) for trial in plan.trials for name in trial.entries or (question.entry,)}
+    odd = ODD if question.takes == "python" else {}
     return [
-        *([] if starter is None else [LazyAnswer("the starter", starter, 0.0)]),
+        *([] if starter is None or question.form.is_file else [LazyAnswer("the starter", starter, 0.0)]),
         *(LazyAnswer(name, source, most) for name, source in alike.items()),
-        *(LazyAnswer(name, write_returns(counts, values), most, like=NOTHING) for name, values in ODD.items()),
+        *(LazyAnswer(name, write_returns(counts, values), most, like=NOTHING) for name, values in odd.items()),
     ]
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from grader.exercises.kind import Content, Intervals, TextOf
 from grader.exercises.parameters import Case, ExerciseParameters
-from grader.exercises.planning import AnyKind, build_case_trials, load_kinds, read_parameters, refuse_text
+from grader.exercises.planning import AnyKind, AnyTrial, build_case_trials, load_kinds, read_parameters, refuse_text
 from grader.questions import ModelXml, Question
 from grader.questions.kinds.script import ScriptQuestion
 
@@ -27,6 +27,9 @@ CONFIDENCE = 0.95
 
 FEW, MANY = 16, 64
 """Numbers of draws that share a point; between them the growth of the share with the tolerance is measured."""
+
+TREND_ORDER = 2
+"""The degree of the polynomial by which one coordinate may follow another."""
 
 WIDTHS = tuple(accumulate(repeat(2**0.25, 240), mul, initial=1.0))
 """The factors by which a tolerance is widened, up to 2^60."""
@@ -54,23 +57,48 @@ def compute_chance_of_case(
 ) -> float:
     """Returns the chance that the best fixed answer is right in one case."""
     drawn: list[Sequence[Intervals]] = []
+
+    def draw(seed: int) -> Sequence[AnyTrial]:
+        return build_case_trials(kind, parameters, case, content, [seed, index])
+
     for seed in range(DRAWS):
-        trials = build_case_trials(kind, parameters, case, content, [seed, index])
+        trials = draw(seed)
         if (bound := kind.bound_luck(parameters, trials)) is not None:
             return bound
         parts = kind.list_accepted(parameters, trials)
-        if parts is None or (seed == 1 and parts == drawn[0]):
+        if parts is None:
+            hits = kind.count_lucky(parameters, [draw(other) for other in range(DRAWS)])
+            return 1.0 if hits is None else prod(compute_upper_bound(one, DRAWS) for one in hits)
+        if seed == 1 and parts == drawn[0]:
             return 1.0
         drawn.append(parts)
     return prod(compute_chance_of_part(select_boxes(part)) for part in zip(*drawn, strict=True))
 
 
 def select_boxes(part: Sequence[Intervals]) -> Boxes:
-    """Returns the two coordinates with the widest spread relative to their tolerance. Leaving out the others can only
-    raise the chance. Compares only the coordinates that all draws have."""
+    """Returns the coordinate with the widest spread relative to its tolerance, and the one with the widest spread of
+    what the first leaves open: a period says nothing of a draw that its frequency does not say. Leaving out the others
+    can only raise the chance. Compares only the coordinates that all draws have."""
     length = min(map(len, part))
     boxes = np.array([intervals[:length] for intervals in part], dtype=np.float64).reshape(len(part), length, 2)
-    return boxes[:, np.argsort([compute_spread(intervals) for intervals in boxes.swapaxes(0, 1)])[-2:]]
+    if length < 2:
+        return boxes
+    coordinates = boxes.swapaxes(0, 1)
+    first = int(np.argmax([compute_spread(intervals) for intervals in coordinates]))
+    rests = [compute_spread(remove_trend(intervals, coordinates[first])) for intervals in coordinates]
+    second = max((i for i in range(length) if i != first), key=rests.__getitem__)
+    return boxes[:, [second, first]]
+
+
+def remove_trend(intervals: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns intervals (draws, 2) less what a parabola over the lower ends of `others` says of them, fitted to the
+    draws in which both are finite."""
+    finite = np.isfinite(intervals[:, 0]) & np.isfinite(others[:, 0])
+    if finite.sum() <= TREND_ORDER + 1 or not np.ptp(others[finite, 0]):
+        return intervals
+    x = (others[:, 0] - np.mean(others[finite, 0])) / np.ptp(others[finite, 0])
+    trend = np.polynomial.polynomial.polyfit(x[finite], intervals[finite, 0], TREND_ORDER)
+    return intervals - np.where(finite, np.polynomial.polynomial.polyval(x, trend), 0.0)[:, None]
 
 
 def compute_spread(intervals: NDArray[np.float64]) -> float:

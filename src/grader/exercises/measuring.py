@@ -11,7 +11,7 @@ from grader.domain.run import Job, RunReport, RunStatus
 from grader.domain.verdict import Status
 from grader.exercises.driving import measurer
 from grader.exercises.driving.embedding import compile_code
-from grader.exercises.kind import Measurement, Results, Trial
+from grader.exercises.kind import CPU_S_MAX, Measurement, Results, Trial
 
 Run = Callable[[Job], RunReport]
 """Runs a job in the jail. Raises JailFault."""
@@ -19,17 +19,14 @@ Run = Callable[[Job], RunReport]
 
 DRIVER = 'exec(codes["measurer"])\nload(codes["program"])\n'
 
-CPU_S_MAX = 120.0
-"""CPU time after which no further trial of a script is measured [s]: far less than a verdict may take."""
 
-
-def limit_cpu(run: Run) -> Run:
-    """Returns `run` for the trials of one script, which together have CPU_S_MAX."""
+def limit_cpu(run: Run, most_s: float = CPU_S_MAX) -> Run:
+    """Returns `run` for the trials of one script, which together have this CPU time [s]."""
     spent_s = 0.0
 
     def run_within(job: Job) -> RunReport:
         nonlocal spent_s
-        if spent_s >= CPU_S_MAX:
+        if spent_s >= most_s:
             return RunReport(RunStatus.TIMED_OUT)
         report = run(job)
         spent_s += report.cpu_s
@@ -55,7 +52,7 @@ def measure(measurement: Measurement, trial: Trial[Any], results: Results, run: 
         for name, array in results.items()
     }
     codes = {"measurer": compile_code(getsource(measurer)), "program": compile_code(measurement.program)}
-    inputs = {"inputs": trial.inputs, "results": encoded}
+    inputs = {"inputs": trial.inputs if trial.measured is None else trial.measured, "results": encoded}
     report = run(Job("", DRIVER, inputs, measurement.limits, codes=codes))
     if report.status is RunStatus.RETURNED:
         return report.results
@@ -65,9 +62,9 @@ def measure(measurement: Measurement, trial: Trial[Any], results: Results, run: 
 
 def explain_end(status: RunStatus, measurement: Measurement) -> str:
     """Returns the sentence for a measuring program that did not return."""
-    made, limits = "What your function made", measurement.limits
+    made, limits = "What you made", measurement.limits
     if status is RunStatus.TIMED_OUT:
-        allowed = f"more than {limits.cpu_s:g} s, or {CPU_S_MAX:g} s in all cases together"
+        allowed = f"more than {limits.cpu_s:g} s, or {measurement.cpu_s_all:g} s in all cases together"
         return f"{made} takes too much CPU time to compile and simulate: {allowed}."
     if status is RunStatus.OUT_OF_MEMORY:
         return f"{made} takes too much memory to compile and simulate: more than {limits.memory_mb} MB."

@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -46,6 +46,34 @@ class Case(Strict):
     xml: str | tuple[str, ...] | None = None
     set: dict[str, Value] = Field(default_factory=dict)
     hint: str | None = None
+
+
+ELEMENTS_MAX = 10_000
+"""Most numbers of an array, or of a part of the state."""
+
+Values = Annotated[tuple[Value, ...], Field(max_length=ELEMENTS_MAX)]
+
+
+class Start(Strict):
+    """The state in which `data` is given: a keyframe, and parts that replace its own."""
+
+    key: str | None = None
+    qpos: Values | None = None
+    qvel: Values | None = None
+    act: Values | None = None
+    ctrl: Values | None = None
+
+    def draw(self, rng: np.random.Generator) -> dict[str, Any]:
+        """Returns the state as plain JSON: the name of the keyframe, and the numbers of each part or None."""
+        parts = {name: getattr(self, name) for name in STATE_PARTS}
+        drawn = {
+            name: None if values is None else [draw_exactly(value, rng) for value in values]
+            for name, values in parts.items()
+        }
+        return {"key": self.key, **drawn}
+
+
+STATE_PARTS = ("qpos", "qvel", "act", "ctrl")
 
 
 class WrongProgram(Strict):
@@ -105,6 +133,11 @@ def take_end(part: Any, end: int) -> Any:
 def draw_number(value: Value, rng: np.random.Generator) -> float:
     """Returns a number unchanged, or one drawn from its range and rounded to four figures."""
     return float(f"{rng.uniform(*value):.4g}") if isinstance(value, tuple) else value
+
+
+def draw_exactly(value: Value, rng: np.random.Generator) -> float:
+    """Returns a number unchanged, or draws one from its range: in full precision, so that no value is likely."""
+    return float(rng.uniform(*value)) if isinstance(value, tuple) else value
 
 
 def write_numbers(xml: str, numbers: Mapping[str, Number], values: Mapping[str, float]) -> str:

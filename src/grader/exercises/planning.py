@@ -1,7 +1,7 @@
 """Finds the installed kinds, and plans an exercise: its trials with drawn numbers, and the job of the jail."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib.metadata import entry_points
@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from grader.domain.axes import Placed
 from grader.domain.misread import without_remarks
+from grader.domain.plugins import load_point
 from grader.domain.run import Job, Limits
 from grader.errors import GraderError, NotFound
 from grader.exercises.driving.embedding import CATCHING, DRIVER, SAVING, WATCH, compile_driver, save_models
@@ -22,9 +24,8 @@ from grader.exercises.parameters import (
     draw_number,
     write_numbers,
 )
-from grader.questions import ModelXml
+from grader.questions import ModelXml, Question, write_module
 from grader.questions.kinds.script import ScriptQuestion
-from grader.questions.registry import load_point
 
 GROUP = "grader.exercise_kinds"
 """The entry-point group in which kinds of exercise are found."""
@@ -59,7 +60,8 @@ def list_codes() -> list[bytes]:
 class Plan:
     """The input of the jail for one exercise, and the trials for the judge. The driver, whose parts are `codes`, runs
     over the plain-JSON `inputs`, then over the `hidden_inputs`; `without_integrators` as in Job. `wrong_scripts` are
-    the author's, each with the sentence for a student whose script does the same."""
+    the author's, each with the sentence for a student whose script does the same. `write_module` makes the module that
+    the jail imports of an answer."""
 
     codes: Mapping[str, bytes]
     inputs: Mapping[str, Any]
@@ -69,9 +71,11 @@ class Plan:
     trials: tuple[AnyTrial, ...]
     talk: Talk | None = None
     wrong_scripts: tuple[tuple[str, str], ...] = ()
+    write_module: Callable[[str], str] = str
 
-    def build_job(self, source: str, limits: Limits) -> Job:
-        """Returns the job of the jail for a script."""
+    def build_job(self, text: str, limits: Limits) -> Job:
+        """Returns the job of the jail for the text of an answer."""
+        source = self.write_module(text)
         watches, saves = "except" in source, SAVING in source
         return Job(
             source,
@@ -92,11 +96,18 @@ def read_parameters(kind: AnyKind, question: ScriptQuestion) -> ExerciseParamete
     return parameters
 
 
+def find_placing(question: Question) -> Callable[[Mapping[str, Any]], Iterable[Placed]]:
+    """Returns what places stored verdicts on the axes of an exercise, as its kind does."""
+    assert isinstance(question, ScriptQuestion)
+    kind = load_kinds()[question.check.kind]
+    return partial(kind.place_on_axes, read_parameters(kind, question))
+
+
 def plan_exercise(question: ScriptQuestion, model_xml: ModelXml, seed: int, text_of: TextOf = refuse_text) -> Plan:
     """Returns the inputs of the jail and the trials for the judge; `seed` draws the numbers of the cases."""
     kind = load_kinds()[question.check.kind]
     parameters = read_parameters(kind, question)
-    content = Content(question.entry, model_xml, text_of)
+    content = Content(question.entry, model_xml, text_of, question.takes)
     trials: list[AnyTrial] = []
     for index, case in enumerate(parameters.cases):
         trials.extend(build_case_trials(kind, parameters, case, content, [seed, index]))
@@ -121,6 +132,7 @@ def plan_exercise(question: ScriptQuestion, model_xml: ModelXml, seed: int, text
         trials=tuple(trials),
         talk=partial(play_trials, kind, parameters, trials) if kind.plays else None,
         wrong_scripts=() if kind.runs_wrong_programs else read_wrong_scripts(parameters, text_of),
+        write_module=partial(write_module, question.takes, question.entry),
     )
 
 

@@ -5,13 +5,17 @@ from collections.abc import Callable, Sequence
 from itertools import groupby
 from typing import Any
 
+from grader.domain.progress import TrialProgress
 from grader.exercises.kind import Trial
 
-Tell = Callable[[int, int], object]
-"""Called with the number of the case in progress, from 1, and the number of cases."""
+Tell = Callable[[int, int, TrialProgress | None], object]
+"""Called with the number of the case in progress, from 1, the number of cases, and how far a trial is that says so."""
 
 OF_TRIAL = re.compile(r"t(\d{1,4})_")
 """The beginning of a result's name, see harness.py."""
+
+WITHIN_TRIAL = re.compile(r"t(\d{1,4})_at_(\d{1,4})_of_(\d{1,4})_(episode|s)")
+"""The name that a trial in progress tells, see playing.py."""
 
 
 class Progress:
@@ -24,12 +28,23 @@ class Progress:
         cases = [list(group) for _, group in groupby(order, lambda index: trials[index].case)]
         self._ends = {group[-1]: number for number, group in enumerate(cases, 1) if not trials[group[-1]].hidden}
         self._cases, self._at, self._tell = len(cases), 1, tell
-        tell(1, self._cases)
+        self._case_of = {index: number for number, group in enumerate(cases, 1) for index in group}
+        self._hidden = {index for index, trial in enumerate(trials) if trial.hidden}
+        tell(1, self._cases, None)
 
     def follow(self, name: str) -> None:
-        """A result of this name has arrived: the last trial of a case submits its own when it ends."""
+        """A result of this name has arrived: the last trial of a case submits its own when it ends, and a trial that is
+        played tells how far it is."""
+        if within := WITHIN_TRIAL.fullmatch(name):
+            self._follow_trial(int(within[1]), int(within[2]), int(within[3]), within[4])
+            return
         found = OF_TRIAL.match(name)
         ended = self._ends.get(int(found[1]), 0) if found else 0
         if self._at <= ended < self._cases:
             self._at = ended + 1
-            self._tell(self._at, self._cases)
+            self._tell(self._at, self._cases, None)
+
+    def _follow_trial(self, index: int, at: int, of: int, unit: str) -> None:
+        """A trial of the case in progress is so far. Of a hidden one nothing is told, as above."""
+        if self._case_of.get(index) == self._at and index not in self._hidden and at <= of:
+            self._tell(self._at, self._cases, TrialProgress(at, of, "episode" if unit == "episode" else "s"))

@@ -1,7 +1,8 @@
 """Finds every fault of an exercise's parameters: reads them, and rehearses the trials of every case."""
 
 import ast
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -20,6 +21,9 @@ from grader.exercises.planning import (
 from grader.questions import ModelXml, Question
 from grader.questions.kinds.script import ScriptQuestion
 
+Rehearse = Callable[[Any, AnyTrial], None]
+"""A method of a kind that gets the parameters and a trial, and raises ValueError."""
+
 
 def check_exercise(question: Question, model_xml: ModelXml, where: str, text_of: TextOf = refuse_text) -> list[Fault]:
     """Returns every fault of an exercise's `check`, each once, none of other questions; `where` is the quiz file."""
@@ -30,13 +34,32 @@ def check_exercise(question: Question, model_xml: ModelXml, where: str, text_of:
         known = ", ".join(sorted(load_kinds()))
         why = f"no kind of exercise is called {question.check.kind!r}; use {known}, or install the package that has it"
         return [Fault(where, f"{question.id}.check.kind", why)]
+    if question.takes not in kind.takes:
+        why = f"an exercise of the kind {question.check.kind!r} takes {' or '.join(kind.takes)}, not {question.takes}"
+        return [Fault(where, f"{question.id}.takes", why)]
     try:
         parameters = read_parameters(kind, question)
     except ValidationError as error:
         found = explain_misread_parameters(kind, question, error)
     else:
-        found = find_wrong_parameters(kind, parameters, Content(question.entry, model_xml, text_of))
+        found = find_wrong_parameters(kind, parameters, Content(question.entry, model_xml, text_of, question.takes))
     return [Fault(where, ".".join(filter(None, (question.id, "check", key))), why) for key, why in dict.fromkeys(found)]
+
+
+def certify_exercise(
+    question: ScriptQuestion, model_xml: ModelXml, where: str, text_of: TextOf = refuse_text
+) -> list[Fault]:
+    """Returns a fault for each case of an exercise without faults of which the kind is not certain."""
+    kind = load_kinds()[question.check.kind]
+    parameters, content = read_parameters(kind, question), Content(question.entry, model_xml, text_of)
+    faults = []
+    for index, case in enumerate(parameters.cases):
+        try:
+            rehearse_case(kind, parameters, content, index, kind.certify)
+        except (ValueError, KeyError, GraderError) as error:
+            key = f"{question.id}.check.{getattr(error, 'key', f'cases.{index}')}"
+            faults.append(Fault(where, key, f"case {case.id}: {error.args[0]}"))
+    return faults
 
 
 def explain_misread_parameters(
@@ -62,7 +85,7 @@ def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content
             yield from unknown
             continue
         try:
-            trials.extend(rehearse_case(kind, parameters, case, content, index))
+            trials.extend(rehearse_case(kind, parameters, content, index, kind.rehearse))
         except (ValueError, KeyError, GraderError) as error:
             yield getattr(error, "key", key), str(error.args[0])
     if {trial.case.id for trial in trials if trial.case} == {*ids}:
@@ -77,8 +100,12 @@ def find_wrong_scripts(parameters: ExerciseParameters, content: Content) -> Iter
     """Yields key and reason of every script of `mistakes` that cannot be read, or does not define the entry."""
     for index, mistake in enumerate(parameters.mistakes):
         key = f"mistakes.{index}.program"
+        if content.takes == "npz":
+            yield key, "an exercise that takes a file has no programs with mistakes: remove it"
+            continue
         try:
-            defined = list_defined(content.text_of(mistake.program))
+            text = content.text_of(mistake.program)
+            defined = list_defined(text) if content.takes == "python" else {content.entry}
         except GraderError as error:
             yield key, str(error)
         except SyntaxError as error:
@@ -97,16 +124,17 @@ def list_defined(source: str) -> set[str]:
 
 
 def rehearse_case(
-    kind: AnyKind, parameters: ExerciseParameters, case: Case, content: Content, index: int
+    kind: AnyKind, parameters: ExerciseParameters, content: Content, index: int, rehearse: Rehearse
 ) -> Sequence[AnyTrial]:
-    """Builds and rehearses the trials of a case at both ends of its ranges and for a draw; returns those of the last.
-    Raises ValueError, KeyError or GraderError where a trial cannot be built or judged."""
+    """Builds the trials of a case at both ends of its ranges and for a draw, and calls `rehearse` with each; returns
+    those of the last. Raises ValueError, KeyError or GraderError where a trial cannot be built or judged."""
+    case = parameters.cases[index]
     ends = [end for end in list_ends(case) if end != case]
     trials: Sequence[AnyTrial] = ()
     for one in (*ends, case):
         trials = build_case_trials(kind, parameters, one, content, [0, index])
         for trial in trials:
-            kind.rehearse(parameters, trial)
+            rehearse(parameters, trial)
     return trials
 
 

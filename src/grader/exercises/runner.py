@@ -56,7 +56,9 @@ def judge_exercise(
         where = describe_stop(report.talked, build_titles(plan.parameters, plan.trials))
         return build_failure(question, Status(report.status.value), f"{explain_error(report.reason)}{where}")
     with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
-        return judge_results(question, plan, report, limit_cpu(run), Script(source))
+        measurement = load_kinds()[question.check.kind].measurement
+        limited = limit_cpu(run) if measurement is None else limit_cpu(run, measurement.cpu_s_all)
+        return judge_results(question, plan, report, limited, Script(source))
 
 
 def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: Run, script: Script) -> Verdict:

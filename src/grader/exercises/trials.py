@@ -45,7 +45,8 @@ def judge_trial(
         if isinstance(measured, Unmeasured):
             return Judgement(False, measured.why, None, measured.detail), measured.status
         results = measured
-    return kind.judge(plan.parameters, trial, results), None
+    judgement = kind.judge(plan.parameters, trial, results)
+    return judgement, Status.CRASHED if judgement.crashed else None
 
 
 def judge_played(

@@ -1,63 +1,32 @@
 """Checks a content folder: it loads, its keys are certified, its reference programs get their statuses."""
 
-import re
 import zlib
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
 from functools import cache
-from itertools import takewhile
 from pathlib import Path
 from threading import Lock
-from typing import Any
 
-from grader.certify.keys import bound_luck, build_fault, certify_quizzes
+from grader.certify.keys import Certified, bound_luck, build_fault, certify_quizzes, propose_for_key
 from grader.certify.remarks import UNVERIFIED, is_decidable
-from grader.domain.run import SOURCE_BYTES_MAX
 from grader.domain.verdict import Status
-from grader.errors import CallerError, ContentError, Fault, InvalidAnswer, NotFound
-from grader.exercises import TextOf, plan_exercise, write_lazy_answers, write_wrong_scripts
+from grader.errors import ContentError, Fault, NotFound
+from grader.exercises import TextOf, certify_exercise, plan_exercise, write_lazy_answers, write_wrong_scripts
 from grader.grading.pipeline import Pipeline
+from grader.grading.references import ReferenceOutcome, ReferenceProgram, find_references, grade_one, list_mismatches
+from grader.grading.report import Report
 from grader.grading.selection import EVERYTHING, Selection
 from grader.library import NOTHING_PASSED, Library, PassedChecks, load
-from grader.library.files import list_files, read_text
 from grader.library.semantics import list_inputs
-from grader.numerics.version import INSTALLED, parse_version
+from grader.questions import kind_of
 from grader.questions.kinds.script import ScriptQuestion
 
 POINTS_ROUNDING = 1e-6
 """Rounding of shares of points."""
 
-FROM_VERSION = re.compile(r"# from MuJoCo (\d+\.\d+\.\d+): (\w+)(?:: (.+))?")
-"""A line of a reference program: the version of MuJoCo from which on it gets another status, and its diagnosis."""
-
 Say = Callable[[str], None]
-
-
-@dataclass
-class Report:
-    """The results of a check; it passed if there are no `faults`, and no keys that are `undecided` by simulation.
-    `chances` are sentences on the luck at exercises."""
-
-    faults: list[Fault] = field(default_factory=list)
-    undecided: list[Fault] = field(default_factory=list)
-    warnings: list[Fault] = field(default_factory=list)
-    chances: list[str] = field(default_factory=list)
-    certificates: list[dict[str, Any]] = field(default_factory=list)
-    references: list[dict[str, Any]] = field(default_factory=list)
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain JSON, faults as {"file", "key", "why"}."""
-        return {
-            "ok": not self.faults and not self.undecided,
-            "faults": [vars(fault) for fault in self.faults],
-            "undecided": [vars(fault) for fault in self.undecided],
-            "warnings": [vars(fault) for fault in self.warnings],
-            "certificates": self.certificates,
-            "references": self.references,
-        }
 
 
 def find_content_root(path: Path) -> Path:
@@ -65,7 +34,15 @@ def find_content_root(path: Path) -> Path:
     for folder in (path.resolve(), *path.resolve().parents):
         if (folder / "quizzes").is_dir():
             return folder
-    raise ContentError([Fault(str(path), "-", "no content folder here: a folder with quizzes/ and models/ inside")])
+    raise ContentError(
+        [
+            Fault(
+                str(path),
+                "-",
+                "no content folder here, which has quizzes/ inside: `grader new course FOLDER` begins one",
+            )
+        ]
+    )
 
 
 def check_content(
@@ -118,6 +95,7 @@ class ContentCheck:
         self.report.warnings.extend(filter(self.is_about, self.library.warnings))
         exercises = [one for one in find_exercises(self.library, self.path) if self.only.has(one[0], one[1].id)]
         for quiz_id, question in exercises:
+            self.certify_exercise(quiz_id, question)
             self.check_luck(quiz_id, question)
         self.certify_keys()
         found = [one for one in find_references(self.library.root) if is_below(self.library, one.file, self.path)]
@@ -146,8 +124,7 @@ class ContentCheck:
             file, named = library.file(one.quiz), ".".join(filter(None, (one.question.id, one.key.place)))
             certificate = one.certificate
             if certificate is None:
-                if is_decidable(one.key):
-                    report.warnings.append(Fault(file, f"{named}.verify", UNVERIFIED))
+                self.propose(one)
                 continue
             self.say(
                 f"{one.quiz} {named}: key {certificate.verdict if certificate.ok else certificate.verdict.upper()}"
@@ -161,6 +138,33 @@ class ContentCheck:
                 is_fault = certificate.verdict == "refuted" or certificate.method == "verify"
                 faults = report.faults if is_fault else report.undecided
                 faults.append(build_fault(library, one.quiz, one.question, certificate))
+
+    def propose(self, one: Certified) -> None:
+        """Remarks on a key that no simulation confirms, with a `verify` to paste where one can be proposed."""
+        if not is_decidable(one.key):
+            return
+        named = ".".join(filter(None, (one.question.id, one.key.place)))
+        self.doing(f"looking for a verify of {one.quiz} {named}")
+        proposal = propose_for_key(self.library, one.quiz, one.question, one.key, self.passed)
+        why = UNVERIFIED if proposal is None else str(proposal)
+        self.report.warnings.append(Fault(self.library.file(one.quiz), f"{named}.verify", why))
+        if proposal is not None:
+            place = {"quiz": one.quiz, "question": one.question.id, "place": one.key.place}
+            self.report.proposals.append(place | proposal.to_json())
+
+    def certify_exercise(self, quiz_id: str, question: ScriptQuestion) -> None:
+        """Reports a fault for every case whose kind is not certain of what it compares with."""
+        library, where = self.library, self.library.file(quiz_id)
+        self.doing(f"certifying {quiz_id} {question.id}")
+        faults = self.passed.run(
+            "exercise",
+            list_inputs(question, library.models),
+            lambda text_of: certify_exercise(question, library.model_xml, where, text_of),
+            text_of=library.text,
+            write=lambda faults: None if faults else [],
+            read=list,
+        )
+        self.report.faults.extend(faults)
 
     def check_luck(self, quiz_id: str, question: ScriptQuestion) -> None:
         """Reports a fault if an answer that ignores its inputs is too likely to be right in every case."""
@@ -177,19 +181,25 @@ class ContentCheck:
         library = self.library
         self.doing(f"grading scripts that do not solve {quiz_id} {question.id}")
         own = library.starter(question)
-        for name, points, most in self.passed.run(
+        key = f"{question.id}.check"
+        for name, points, most, is_judged in self.passed.run(
             "lazy answers",
             [*list_inputs(question, library.models), own or ""],
             lambda text_of: [*earn_lazily(self.opened(), quiz_id, question, own, text_of)],
             text_of=library.text,
-            write=lambda earned: None if any(earns_too_much(*rest) for _, *rest in earned) else earned,
+            write=lambda earned: (
+                earned if all(fine and not earns_too_much(*both) for _, *both, fine in earned) else None
+            ),
             read=list,
         ):
             self.say(f"{quiz_id} {question.id}: {name} earns {points:g}, at most {most:g}")
             if earns_too_much(points, most):
                 why = f"{name} earns {points:g} points, and may earn {most:g} at most"
                 cure = "give hidden cases other numbers or more points"
-                self.report.faults.append(Fault(library.file(quiz_id), f"{question.id}.check", f"{why}: {cure}"))
+                self.report.faults.append(Fault(library.file(quiz_id), key, f"{why}: {cure}"))
+            if not is_judged:
+                why = f"{name} cannot be judged: the log on stderr says why"
+                self.report.faults.append(Fault(library.file(quiz_id), key, why))
 
     def grade_mistakes(self, quiz_id: str, question: ScriptQuestion) -> None:
         """Reports a fault for every mistake of the author's whose own program is not told its sentence."""
@@ -199,7 +209,8 @@ class ContentCheck:
             found = []
             for program, source, sentence in write_wrong_scripts(question, text_of):
                 self.doing(f"grading {program}")
-                verdict = self.opened().grade(quiz_id, question.id, {"source": source})
+                answer = kind_of(question).from_text(question, source)
+                verdict = self.opened().grade(quiz_id, question.id, answer, choose_seed(program))
                 found.append((program, verdict.status.value, verdict.diagnosis, sentence))
             return found
 
@@ -235,7 +246,7 @@ class ContentCheck:
         """Grade a reference program under consecutive seeds, the first from the name of its file; return seed: outcome.
         A program of no exercise gets no verdict."""
         self.doing(f"grading {reference.file}")
-        first = zlib.crc32(reference.file.encode())
+        first = choose_seed(reference.file)
         seeds = range(first, first + self.draws)
         try:
             question = self.library.question(reference.quiz, reference.question)
@@ -265,13 +276,21 @@ def is_below(library: Library, file: str, path: Path) -> bool:
 
 def earn_lazily(
     pipeline: Pipeline, quiz_id: str, question: ScriptQuestion, starter: str | None, text_of: TextOf
-) -> Iterator[tuple[str, float, float]]:
-    """Yields name, points and most points of every script that does not solve the exercise."""
+) -> Iterator[tuple[str, float, float, bool]]:
+    """Yields name, points and most points of every script that does not solve the exercise, and whether the grader
+    could judge it."""
     earned: dict[str, float] = {}
     for lazy in write_lazy_answers(question, pipeline.library.model_xml, starter, text_of):
-        verdict = pipeline.grade(quiz_id, question.id, {"source": lazy.source})
+        answer = kind_of(question).from_text(question, lazy.source)
+        verdict = pipeline.grade(quiz_id, question.id, answer, choose_seed(f"{quiz_id}/{question.id}/{lazy.name}"))
         earned[lazy.name] = verdict.points
-        yield lazy.name, verdict.points, min(lazy.points_max, earned.get(lazy.like, lazy.points_max))
+        most = min(lazy.points_max, earned.get(lazy.like, lazy.points_max))
+        yield lazy.name, verdict.points, most, verdict.status is not Status.GRADER_FAULT
+
+
+def choose_seed(name: str) -> int:
+    """Returns the seed under which a script of this name is graded: the same in every check."""
+    return zlib.crc32(name.encode())
 
 
 def earns_too_much(points: float, most: float) -> bool:
@@ -284,77 +303,3 @@ def find_exercises(library: Library, path: Path) -> Iterator[tuple[str, ScriptQu
     for quiz in library.quizzes.values():
         if is_below(library, library.file(quiz.id), path):
             yield from ((quiz.id, question) for question in quiz.questions if isinstance(question, ScriptQuestion))
-
-
-@dataclass(frozen=True)
-class ReferenceProgram:
-    """A file reference_solutions/<quiz>/<question>/<status>__<why>.py; `file` is relative to the root. `status` and
-    `diagnosis` are what it must get with the installed MuJoCo."""
-
-    file: str
-    source: str
-    quiz: str
-    question: str
-    status: str
-    diagnosis: str | None
-
-
-def find_references(root: Path) -> Iterator[ReferenceProgram | Fault]:
-    """Yield every reference program, or the fault of its file."""
-    for file in list_files(root, "reference_solutions", "*/*/*.py"):
-        source = read_text(root, file, SOURCE_BYTES_MAX)
-        if isinstance(source, Fault):
-            yield source
-            continue
-        _, quiz, question, name = Path(file).parts
-        status, diagnosis = read_demand(source, Path(name).stem.partition("__")[0])
-        yield ReferenceProgram(file, source, quiz, question, status, diagnosis)
-
-
-def read_demand(source: str, status: str, installed: str = INSTALLED) -> tuple[str, str | None]:
-    """Return the status and the diagnosis that a program must get, `status` being the one in its name. A first line `#
-    diagnosis: ...` requires that diagnosis. A line `# from MuJoCo 4.0.0: incorrect: ...` below it says what the program
-    gets with this version or a later one; of several lines the last that applies counts."""
-    head = list(takewhile(lambda line: line.startswith("#"), source.splitlines()))
-    diagnosis = head[0].removeprefix("# diagnosis:").strip() if head and head[0].startswith("# diagnosis:") else None
-    for found in filter(None, map(FROM_VERSION.fullmatch, head)):
-        if parse_version(installed) >= parse_version(found[1]):
-            status, diagnosis = found[2], found[3]
-    return status, diagnosis
-
-
-@dataclass(frozen=True)
-class ReferenceOutcome:
-    """What a reference program got under one seed."""
-
-    got: str
-    diagnosis: str | None
-
-    def __str__(self) -> str:
-        return f"{self.got} ({self.diagnosis})" if self.diagnosis else self.got
-
-
-def grade_one(pipeline: Pipeline, reference: ReferenceProgram, seed: int) -> ReferenceOutcome:
-    """Grade a reference program under one seed."""
-    try:
-        verdict = pipeline.grade(reference.quiz, reference.question, {"source": reference.source}, seed)
-    except (CallerError, InvalidAnswer) as error:
-        return ReferenceOutcome("not found" if isinstance(error, NotFound) else "no verdict", str(error))
-    return ReferenceOutcome(verdict.status.value, verdict.diagnosis)
-
-
-def list_mismatches(reference: ReferenceProgram, outcomes: dict[int, ReferenceOutcome]) -> Iterator[str]:
-    """Yield each difference between the outcomes, by seed, and what the reference program requires."""
-    if reference.status not in set(Status):
-        yield f"the name must begin with a status: {', '.join(Status)}"
-        return
-    counts = Counter(outcomes.values())
-    for outcome, count in counts.items():
-        seed = next(seed for seed, one in outcomes.items() if one == outcome)
-        where = f" in {count} of {len(outcomes)} draws, as with --seed {seed}" if len(outcomes) > 1 else ""
-        if outcome.got != reference.status:
-            yield f"graded {outcome}{where}"
-        elif reference.diagnosis and reference.diagnosis not in (outcome.diagnosis or ""):
-            yield f"diagnosis is {outcome.diagnosis!r}, not {reference.diagnosis!r}{where}"
-        elif len(counts) > 1:
-            yield f"the verdict depends on the draw: {outcome}{where}"

@@ -10,9 +10,11 @@ import structlog
 from sqlalchemy.orm import Session
 
 from grader.certify.keys import find_refused_keys
+from grader.domain.media import Media
 from grader.errors import ContentError, ContentLost, Fault, Outdated
 from grader.grading.pipeline import Pipeline
 from grader.library import NOTHING_PASSED, Library, PassedChecks, load, load_files
+from grader.library.media import read_media
 from grader.library.snapshot import digest_of
 from grader.store import contents
 from grader.store.engine.database import Database
@@ -44,6 +46,10 @@ class Archive:
             self._database.lock(session, "content")
             for quiz, files in library.sources.items():
                 contents.keep(session, quiz, library.digest(quiz), files)
+            media = {path: one.body for path, one in library.media.items()}
+            if media:  # those of the texts of lessons too, which no digest of a quiz covers
+                named = digest_of({path: one.sha256 for path, one in library.media.items()})
+                contents.keep(session, contents.NO_QUIZ, f"media-{named}", media)
             contents.use(session, course, library.digests)
         with self._lock:
             for digest in library.digests.values():
@@ -55,6 +61,11 @@ class Archive:
             held = self._held.get(digest) or self._taken(quiz, digest)
             self._hold(digest, held)
         return held
+
+    def find_media(self, sha256: str, name: str) -> Media | None:
+        """Returns a picture or file of any content that was loaded before."""
+        with self._database.read() as session:
+            return contents.find_media(session, sha256, name)
 
     def forget_other_courses(self, courses: Collection[str]) -> None:
         """Lets courses that are not among these use the content of all courses, though they had their own."""
@@ -131,6 +142,15 @@ class Content:
     def library(self) -> Library:
         """The quizzes and models that are loaded now."""
         return self.pipeline.library
+
+    def find_media(self, sha256: str, name: str, *, with_draft: bool) -> Media | None:
+        """Returns the picture or file that an address names: of the content in use, of one before it, which old
+        verdicts show, and `with_draft` of the folder as it is now."""
+        found = self.library.find_media(sha256, name) or self.archive.find_media(sha256, name)
+        if found is None and with_draft:
+            draft = read_media(self._root)[0].values()
+            found = next((one for one in draft if (one.sha256, one.name) == (sha256, name)), None)
+        return found
 
     def read_draft(self) -> Draft:
         """Loads the folder without using it."""

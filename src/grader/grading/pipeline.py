@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cache
-from typing import Any
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -20,11 +20,15 @@ import structlog
 from grader.domain.run import Job, RunReport
 from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer, JailFault, ScriptStopped, TooLarge, Unprocessable
-from grader.exercises import Progress, Tell, judge_exercise, plan_exercise, prepare_exercise, save_hidden_models
+from grader.grading.posing import Poser
 from grader.grading.spans import locate_diagnosis
 from grader.library import Library
 from grader.questions import Question, Quiz, grade_answer, kind_of, read_answer
+from grader.questions.drawing import is_drawn
 from grader.questions.kinds.script import ScriptQuestion
+
+if TYPE_CHECKING:
+    from grader.exercises import Tell
 
 OUR_FAULT = "The grader itself failed; this is not your mistake, and it used up no attempt."
 
@@ -62,7 +66,9 @@ log = structlog.get_logger()
 class ParsedSubmission:
     """One answer to one question of a quiz, read against the content of `content_digest`. `text` is the answer as
     canonical JSON in ASCII, `digest` the sha256 of it with the ids of quiz and question. An exercise has the `source`
-    of its script, and the `seed` that draws the hidden cases; or else `refusal`, why no script can be read."""
+    of its script or model, or the base64 of its file, and the `seed` that draws the hidden cases; or else `refusal`,
+    why none can be read. A question whose numbers are drawn is that of the learner, with their key, and has the `seed`
+    of them."""
 
     quiz: Quiz
     question: Question
@@ -120,12 +126,26 @@ class Pipeline:
     library: Library
     run: Callable[[Job], RunReport] | None = None
     secret: bytes = field(default_factory=lambda: secrets.token_bytes(32), repr=False)
-    _kept: dict[str, Verdict] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """Verdicts on instant answers, by their digest: a whole class gives the same few."""
+    _kept: dict[tuple[str, int | None], Verdict] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """Verdicts on instant answers, by their digest and the seed of drawn numbers: a whole class gives the same few."""
 
-    def read(self, quiz_id: str, question_id: str, answer: Any, seed: int | None = None) -> ParsedSubmission:
-        """Reads an answer; any JSON value. `seed` repeats the hidden cases of an earlier verdict. Raises NotFound;
-        TooLarge and Unprocessable for an answer that cannot be kept or a source that cannot be run."""
+    @cached_property
+    def poser(self) -> Poser:
+        """What poses questions with drawn numbers."""
+        return Poser(self.library, self.secret)
+
+    @cached_property
+    def drawn(self) -> frozenset[tuple[str, str]]:
+        """The questions with drawn numbers: reading an answer may take the simulations of a learner's own key."""
+        every = ((quiz.id, one) for quiz in self.library.quizzes.values() for one in quiz.questions)
+        return frozenset((quiz, one.id) for quiz, one in every if is_drawn(one))
+
+    def read(
+        self, quiz_id: str, question_id: str, answer: Any, seed: int | None = None, *, learner: str = ""
+    ) -> ParsedSubmission:
+        """Reads an answer; any JSON value. `seed` repeats the hidden cases, or the drawn numbers, of an earlier
+        verdict; without it, a question with drawn numbers is that of the `learner`, or of nobody the one in the middle.
+        Raises NotFound; TooLarge and Unprocessable for an answer that cannot be kept or a source that cannot be run."""
         quiz, question = self.library.find(quiz_id, question_id)
         text = to_canonical_json(answer)
         digest = compute_digest(quiz_id, question_id, text)
@@ -133,6 +153,9 @@ class Pipeline:
         if not isinstance(question, ScriptQuestion):
             if len(text) > TEXT_BYTES_MAX:
                 raise TooLarge(f"The answer is too long; at most {TEXT_BYTES_MAX // 1024} KB are taken.")
+            if (quiz_id, question_id) in self.drawn and (learner or seed is not None):
+                seed = self.poser.seed_of(learner, quiz_id, question_id) if seed is None else seed
+                return replace(parsed, question=self.poser.pose(quiz_id, question_id, seed), seed=seed)
             return parsed
         try:
             source = kind_of(question).read(question, answer)
@@ -140,9 +163,11 @@ class Pipeline:
             return replace(parsed, refusal=str(error))
         return replace(parsed, source=source, seed=compute_seed(self.secret, digest) if seed is None else seed)
 
-    def read_and_grade(self, quiz_id: str, question_id: str, answer: Any) -> tuple[ParsedSubmission, Verdict | None]:
+    def read_and_grade(
+        self, quiz_id: str, question_id: str, answer: Any, learner: str = ""
+    ) -> tuple[ParsedSubmission, Verdict | None]:
         """Reads an answer, and judges it where that is instant. Raises as `read` does."""
-        submission = self.read(quiz_id, question_id, answer)
+        submission = self.read(quiz_id, question_id, answer, learner=learner)
         return submission, self.judge(submission) if submission.is_instant else None
 
     def describe(self, submission: ParsedSubmission) -> str:
@@ -166,20 +191,21 @@ class Pipeline:
             time.sleep(pause_s)
             tried += 1
 
-    def judge(self, submission: ParsedSubmission, tell: Tell = ignore_progress) -> Verdict:
+    def judge(self, submission: ParsedSubmission, tell: "Tell" = ignore_progress) -> Verdict:
         """Makes the verdict, in one try. A fault of the grader gives `grader_fault`, never a wrong answer. Raises
         ScriptStopped where the jail does. While a script runs, `tell` is called with the number of the case it is at,
         and the number of cases. An instant answer that was given before gets the verdict that was made then."""
-        if (kept := self._kept.get(submission.digest)) is not None:
+        at = submission.digest, None if submission.source is not None else submission.seed
+        if (kept := self._kept.get(at)) is not None:
             return kept
         verdict = self._judge(submission, tell)
         if submission.is_instant and len(submission.text) <= KEPT_CHARACTERS and verdict.status in JUDGED:
             if len(self._kept) >= KEPT_VERDICTS:
                 self._kept.clear()
-            self._kept[submission.digest] = verdict
+            self._kept[at] = verdict
         return verdict
 
-    def _judge(self, submission: ParsedSubmission, tell: Tell) -> Verdict:
+    def _judge(self, submission: ParsedSubmission, tell: "Tell") -> Verdict:
         started = time.perf_counter()
         question = submission.question
         measured = ScriptOutput()
@@ -189,9 +215,12 @@ class Pipeline:
             elif isinstance(question, ScriptQuestion):
                 assert submission.source is not None and submission.seed is not None
                 verdict, measured = self._judge_script(question, submission.source, submission.seed, tell)
-                verdict = locate_diagnosis(verdict, submission.source)
+                verdict = locate_diagnosis(verdict, "" if question.form.is_file else submission.source)
             else:
                 verdict = grade_answer(question, submission.answer)
+                if submission.seed is not None:
+                    drawn = self.poser.draws_of(submission.quiz.id, question.id, submission.seed)
+                    verdict = verdict.model_copy(update={"evidence": {**verdict.evidence, "drawn": dict(drawn)}})
         except ScriptStopped:
             raise
         except Exception:
@@ -208,8 +237,11 @@ class Pipeline:
         return complete(verdict, self.library.digest(quiz_id), digest, ScriptOutput())
 
     def _judge_script(
-        self, question: ScriptQuestion, source: str, seed: int, tell: Tell
+        self, question: ScriptQuestion, source: str, seed: int, tell: "Tell"
     ) -> tuple[Verdict, ScriptOutput]:
+        # Other answers are graded without them.
+        from grader.exercises import Progress, judge_exercise, plan_exercise, prepare_exercise, save_hidden_models
+
         if self.run is None:
             raise JailFault("no jail is set up: scripts cannot be run")
         plan = plan_exercise(question, self.library.model_xml, seed, self.library.text)
@@ -234,7 +266,7 @@ class Pipeline:
             prepared = begin()
         fault, started = prepared.exception(), time.thread_time()
         try:
-            verdict = judge_exercise(question, plan, report, self.run, source)
+            verdict = judge_exercise(question, plan, report, self.run, "" if question.form.is_file else source)
         except ScriptStopped as stopped:  # while what it made is measured: it has had its hidden inputs by then
             raise ScriptStopped(bool(plan.hidden_inputs)) from stopped
         except MemoryError:

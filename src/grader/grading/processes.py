@@ -25,6 +25,7 @@ from typing import Any, Self
 
 import structlog
 
+from grader.domain.progress import TrialProgress
 from grader.domain.verdict import Verdict
 from grader.errors import JailFault, JailRefused, ScriptStopped
 from grader.exercises import Tell, list_codes
@@ -81,10 +82,11 @@ class Stop:
 
 @dataclass(frozen=True)
 class ScriptProgress:
-    """How far the script is: at a case, counted from 1."""
+    """How far the script is: at a case, counted from 1, and in a trial that says so."""
 
     case: int
     cases: int
+    within: TrialProgress | None = None
 
 
 class GradingProcess:
@@ -164,7 +166,7 @@ class GradingProcess:
         try:
             while (now := time.monotonic()) < deadline:
                 if newest and now >= due:
-                    tell(newest.case, newest.cases)
+                    tell(newest.case, newest.cases, newest.within)
                     due, newest = now + PROGRESS_S, None
                 if self._connection.poll(min(due if newest else deadline, deadline) - now):
                     reply = self._connection.recv()
@@ -319,7 +321,7 @@ def serve_scripts(connection: "Connection[Any, Any]", jail: Jail) -> None:
         limit_memory()
         try:
             parsed = pipeline.read(message.quiz, message.question, message.answer, message.seed)
-            connection.send(pipeline.judge(parsed, lambda case, cases: connection.send(ScriptProgress(case, cases))))
+            connection.send(pipeline.judge(parsed, lambda *at: connection.send(ScriptProgress(*at))))
         except ScriptStopped as stopped:
             connection.send(stopped)
         except Exception as error:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from grader.errors import Fault
 from grader.library import Library
+from grader.library.quiz_files import list_quiz_files, outline_quiz
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,13 @@ class Selection:
     def find_fault(self, library: Library) -> Fault | None:
         """Returns a fault where the content has no such quiz or question."""
         quiz = library.quizzes.get(self.quiz or "")
+        if self.quiz is not None and quiz is None:  # the library holds the chosen quiz alone
+            outlines = (outline_quiz(library.root, file) for file in list_quiz_files(library.root))
+            quizzes = [outline[0] for outline in outlines if outline is not None]
+        else:
+            quizzes = [*library.quizzes]
         questions = () if quiz is None else quiz.questions
-        for name, known in ((self.quiz, [*library.quizzes]), (self.question, [one.id for one in questions])):
+        for name, known in ((self.quiz, quizzes), (self.question, [one.id for one in questions])):
             if name is not None and name not in known:
                 return Fault("--only", name, f"is not there: take one of {', '.join(known) or 'none'}")
         return None

@@ -1,11 +1,13 @@
 """Quizzes and their questions; each question is of a kind, which is a plug-in. A kind imports from here alone."""
 
 from grader.domain.markup import plain_text, quoted
+from grader.domain.plugins import Remark
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.domain.verify import Verify
 from grader.errors import InvalidAnswer
 from grader.questions.answer_keys import AnswerKey, NumberKey, OptionKey
-from grader.questions.kind import FIELD, CountedNumber, Example, Fields, Option, QuestionKind, Remark, typed_in
+from grader.questions.forms import FORMS, Form, Takes, decode_file, describe_file, write_module
+from grader.questions.kind import FIELD, CountedNumber, Example, Fields, Option, QuestionKind, typed_in
 from grader.questions.parts import field_of, json_or_text, typed_for
 from grader.questions.question import ModelXml, OptionIndex, Options, Question, Reveal, Whys
 from grader.questions.quiz import LessonHead, Quiz
@@ -23,9 +25,10 @@ from grader.questions.registry import (
 from grader.questions.student_view import lab_view, question_view, student_view, unopened_view
 
 __all__ = [
-    "FIELD", "GROUP", "AnswerKey", "AnyKind", "CountedNumber", "Example", "Fields", "Finding", "InvalidAnswer",
-    "LessonHead", "ModelXml", "NumberKey", "Option", "OptionIndex", "OptionKey", "Options", "Question", "QuestionKind",
-    "Quiz", "Remark", "Reveal", "Status", "Verdict", "Verify", "Whys", "field_of", "grade_answer", "installed_kinds",
-    "json_or_text", "kind_of", "lab_view", "parse_question", "plain_text", "question_adapter", "question_view",
-    "quoted", "read_answer", "student_view", "template_of", "typed_for", "typed_in", "unopened_view", "verdict_of",
+    "FIELD", "FORMS", "GROUP", "AnswerKey", "AnyKind", "CountedNumber", "Example", "Fields", "Finding", "Form",
+    "InvalidAnswer", "LessonHead", "ModelXml", "NumberKey", "Option", "OptionIndex", "OptionKey", "Options",
+    "Question", "QuestionKind", "Quiz", "Remark", "Reveal", "Status", "Takes", "Verdict", "Verify", "Whys",
+    "decode_file", "describe_file", "field_of", "grade_answer", "installed_kinds", "json_or_text", "kind_of",
+    "lab_view", "parse_question", "plain_text", "question_adapter", "question_view", "quoted", "read_answer",
+    "student_view", "template_of", "typed_for", "typed_in", "unopened_view", "verdict_of", "write_module",
 ]  # fmt: skip

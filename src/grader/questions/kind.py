@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, NamedTuple, TypeVar, get_args
 
 from grader.domain.lab import LabConfig
+from grader.domain.plugins import Remark
 from grader.domain.rubric import Rubric
 from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer
@@ -25,14 +26,6 @@ NOTHING_TYPED = "Write an answer first."
 
 TEMPLATE = "question.html"
 """The file beside the kind's module with its Jinja macros, which CONTRIBUTING.md lists."""
-
-
-class Remark(NamedTuple):
-    """What is wrong or doubtful about a question: the author's key (`fields.0.unit` of an inner one), and why, with the
-    cure."""
-
-    key: str
-    why: str
 
 
 class Option(NamedTuple):

@@ -2,9 +2,9 @@
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from grader.domain.lab import Lab
 from grader.domain.policy import Policy
 from grader.domain.rubric import SecondMarking
+from grader.labs import AnyLab
 from grader.questions.registry import AnyQuestion
 
 
@@ -31,4 +31,4 @@ class Quiz(BaseModel):
     anonymous: bool = True
     second_marking: SecondMarking | None = None
     questions: tuple[AnyQuestion, ...] = ()
-    labs: tuple[Lab, ...] = ()
+    labs: tuple[AnyLab, ...] = ()

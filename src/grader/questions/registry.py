@@ -12,8 +12,10 @@ from typing import Annotated, Any
 from pydantic import Field, GetCoreSchemaHandler, TypeAdapter
 from pydantic_core import CoreSchema
 
+from grader.domain.plugins import load_point
 from grader.domain.verdict import Status, Verdict
 from grader.errors import GraderError, InvalidAnswer
+from grader.questions.drawing import fill_in_middle
 from grader.questions.kind import TEMPLATE, QuestionKind
 from grader.questions.question import Question
 
@@ -37,16 +39,6 @@ def installed_kinds() -> Mapping[str, AnyKind]:
     if not found:
         raise GraderError("no kind of question is installed: install the grader again, such as with `make install`")
     return found
-
-
-def load_point(point: EntryPoint, what: str) -> Any:
-    """Makes what an entry point names; an error calls it `what`. Raises GraderError."""
-    try:
-        return point.load()()
-    except Exception as error:  # code of another package: anything may be raised
-        package = point.dist.name if point.dist else "its package"
-        why = f"{type(error).__name__}: {error}; correct or uninstall {package}"
-        raise GraderError(f"the {what} {point.name!r} ({point.value}) cannot be loaded: {why}") from error
 
 
 def load_kind(point: EntryPoint) -> AnyKind:
@@ -117,7 +109,7 @@ def question_adapter() -> TypeAdapter[Question]:
 
 def parse_question(raw: Any) -> Question:
     """Validates the JSON value of one question. Raises pydantic.ValidationError."""
-    return question_adapter().validate_json(json.dumps(raw), strict=True)
+    return question_adapter().validate_json(json.dumps(fill_in_middle(raw)), strict=True)
 
 
 class _OfInstalledKinds:

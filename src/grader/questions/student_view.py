@@ -4,20 +4,16 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from grader.domain.lab import IntegratorsLab, Lab, LabConfig, UnknownLab
+from grader.domain.lab import Lab, LabConfig, UnknownLab
 from grader.domain.policy import Policy
+from grader.labs import lab_kind_of
 from grader.questions.question import Question
 from grader.questions.quiz import Quiz
 from grader.questions.registry import kind_of
 
 COMMON = ("id", "kind", "label", "title", "q", "points", "attempts")
-LAB = ("id", "kind", "title", "note", "camera", "height", "autoplay", "overlays", "toggles", "forceScale")
-INTEGRATORS_LAB = ("id", "kind", "title", "model", "models", "timestep", "seconds", "note")
+LAB = ("id", "kind", "title", "note")
 UNKNOWN_LAB = ("id", "kind", "title")
-CONTROL = ("type", "label", "unit", "min", "max", "step", "value", "digits", "options", "reset")
-READOUT = ("label", "digits", "unit")
-TRACE = ("label", "dash", "color")
-PLOT = ("xlabel", "ylabel", "height", "window", "ymin", "ymax")
 
 
 def student_view(quiz: Quiz, policy: Policy) -> dict[str, Any]:
@@ -43,17 +39,11 @@ def question_view(question: Question) -> dict[str, Any]:
     return _pick(question, COMMON) | kind_of(question).view(question)
 
 
-def lab_view(lab: Lab | LabConfig) -> dict[str, Any]:
-    """The controls of a lab and the labels of its readouts and traces, without expressions or MJCF."""
-    if isinstance(lab, IntegratorsLab):
-        return _pick(lab, INTEGRATORS_LAB)
+def lab_view(lab: Lab | LabConfig | UnknownLab) -> dict[str, Any]:
+    """One lab: what every lab shows, and what its kind does."""
     if isinstance(lab, UnknownLab):
         return _pick(lab, UNKNOWN_LAB)
-    return _pick(lab, LAB) | {
-        "controls": [_pick(control, CONTROL) for control in lab.controls],
-        "readouts": [_pick(readout, READOUT) for readout in lab.readouts],
-        "plots": [_pick(plot, PLOT) | {"traces": [_pick(trace, TRACE) for trace in plot.traces]} for plot in lab.plots],
-    }
+    return _pick(lab, LAB) | lab_kind_of(lab).view(lab)
 
 
 def _pick(part: BaseModel, names: tuple[str, ...]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from grader.domain.run import SOURCE_BYTES_MAX, Job, Limits, RunReport, RunStatus
+from grader.domain.run import MODULE_BYTES_MAX, Job, Limits, RunReport, RunStatus
 from grader.errors import JailFault, JailRefused
 from grader.sandbox import cell, cgroup, selftest
 from grader.sandbox.policy import MB
@@ -86,8 +86,8 @@ class Jail:
     def run(self, job: Job) -> RunReport:
         """Run one script to its end; blocks, and waits for a place when all are taken. Raises JailFault if
         the jail failed, not the script: try again; and ScriptStopped if the job `is_stopped`."""
-        if len(job.source) > SOURCE_BYTES_MAX:
-            return RunReport(RunStatus.CRASHED, f"The script is larger than {SOURCE_BYTES_MAX // 1024} KB.")
+        if len(job.source) > MODULE_BYTES_MAX:
+            return RunReport(RunStatus.CRASHED, f"The script is larger than {MODULE_BYTES_MAX // 1024} KB.")
         if not self._places.acquire(timeout=QUEUE_S_MAX):
             raise JailFault("No place in the jail became free in time.")
         try:

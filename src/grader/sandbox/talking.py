@@ -9,7 +9,7 @@ from typing import Any
 
 from grader.domain.run import Channel, ChannelClosed, Job, MalformedAnswer
 from grader.sandbox.usage import read_cpu_clock_s
-from grader.sandbox.watch import Cause, Part, Watch, frame_part
+from grader.sandbox.watch import CORES, POLL_S_MIN, Cause, Part, Watch, frame_part
 from grader.sandbox.zygote import Child
 
 REQUESTS = {False: 1, True: 2}
@@ -57,6 +57,7 @@ class TalkingWatch(Watch):
         """Allow this much CPU time from now on [s], until the next call."""
         used_s = (read_cpu_clock_s(self._child.pid) or 0.0) - self._usage.cpu_before_s
         self._part_ends_cpu_s = used_s + cpu_s
+        self._check_at = 0.0
 
     def tell(self, name: str) -> None:
         """Tell the job's listener that a part is done."""
@@ -111,6 +112,9 @@ class TalkingWatch(Watch):
         if sent < len(framed):
             super()._send(part)
             self._unsent = self._unsent[sent:]
+
+    def _patience(self) -> float:
+        return min(super()._patience(), max(POLL_S_MIN, (self._part_ends_cpu_s - self._usage.cpu_s) / CORES))
 
     def _check_limits(self) -> None:
         super()._check_limits()

@@ -20,6 +20,7 @@ from grader.sandbox.zygote import Child
 
 READ_BYTES = 1 << 16
 POLL_S_MIN, POLL_S_MAX = 0.005, 0.1
+CORES = os.cpu_count() or 1
 DEATH_S_MAX = 20.0
 
 
@@ -128,13 +129,13 @@ class Watch:
         # Not at every message of the child: a check reads several files of /proc.
         if self._cause is None and time.monotonic() >= self._check_at:
             self._check_limits()
-            self._check_at = time.monotonic() + POLL_S_MIN
+            self._check_at = time.monotonic() + self._patience()
         if self._cause is not None and self._killed_at is None:
             self._child.kill()
             self._killed_at = time.monotonic()
         if self._killed_at is not None and time.monotonic() > self._killed_at + DEATH_S_MAX:
             raise JailFault("A child of the jail does not die.")
-        for key, _ in self._selector.select(self._patience()):
+        for key, _ in self._selector.select(self._time_to_check()):
             if key.fd == self._child.pidfd:
                 return True
             if key.fd == self._child.job:
@@ -145,13 +146,16 @@ class Watch:
                 self._take(key.fd)
         return False
 
+    def _time_to_check(self) -> float:
+        """Return the time until the next check of the limits [s]."""
+        return 1.0 if self._cause is not None else max(0.0, self._check_at - time.monotonic())
+
     def _patience(self) -> float:
-        """Return the time until the next check of the limits [s]; CPU time may pass faster by the number of cores."""
-        if self._cause is not None:
-            return 1.0
+        """Return the time from one check of the limits to the next [s]: none can be passed by more than it, as CPU time
+        may pass faster by the number of cores."""
         wall_left = self._limits.wall_s + self._aside_s - self._usage.waited_s
         cpu_left = self._limits.cpu_s - self._usage.cpu_s
-        return max(POLL_S_MIN, min(POLL_S_MAX, wall_left, cpu_left / (os.cpu_count() or 1)))
+        return max(POLL_S_MIN, min(POLL_S_MAX, wall_left, cpu_left / CORES))
 
     def _check_limits(self) -> None:
         usage, limits = self._usage, self._limits

@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from grader.domain.progress import TrialProgress
 from grader.domain.run import Channel, ChannelClosed
 from grader.exercises.kind import Kind, Trial
 from grader.exercises.parameters import ExerciseParameters
@@ -13,6 +14,28 @@ from grader.exercises.parameters import ExerciseParameters
 
 class TrialRaised(Exception):
     """The driver has raised outside of a step, such as where a function is missing; the result `raised` says what."""
+
+
+@dataclass(frozen=True)
+class Asking:
+    """Asks the driver in one trial, and tells how far it is: the `Ask` of a kind that plays. What is told of a hidden
+    trial is dropped, since a script that knows its numbers could choose when."""
+
+    channel: Channel
+    index: int
+    hidden: bool
+
+    def __call__(self, message: bytes, /) -> bytes:
+        """Returns the answer. Raises TrialRaised where the driver has none, and ChannelClosed."""
+        answer = self.channel.ask(message)
+        if not answer:
+            raise TrialRaised
+        return answer
+
+    def tell(self, progress: TrialProgress, /) -> None:
+        """Tells how far the trial is."""
+        if not self.hidden:
+            self.channel.tell(f"t{self.index}_at_{progress.at}_of_{progress.of}_{progress.unit}")
 
 
 Talk = Callable[[Channel], "Played"]
@@ -32,13 +55,6 @@ def play_trials(
     kind: Kind[Any, Any, Any], parameters: ExerciseParameters, trials: Sequence[Trial[Any]], channel: Channel
 ) -> Played:
     """Plays trials one after the other, until the script ends. Raises MalformedAnswer."""
-
-    def ask(message: bytes) -> bytes:
-        answer = channel.ask(message)
-        if not answer:
-            raise TrialRaised
-        return answer
-
     played = Played()
     order = sorted(range(len(trials)), key=lambda index: trials[index].hidden)
     asked_for_hidden = False
@@ -51,7 +67,7 @@ def play_trials(
             if trial.cpu_s is not None:
                 channel.limit(trial.cpu_s)
             with suppress(TrialRaised):
-                played.records[index] = kind.play(parameters, trial, ask)
+                played.records[index] = kind.play(parameters, trial, Asking(channel, index, trial.hidden))
             channel.end()
         except ChannelClosed as closed:
             played.stopped_at = index

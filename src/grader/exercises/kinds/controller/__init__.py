@@ -1,30 +1,26 @@
 """The `controller` kind closes a loop: it simulates in the grader's own process, and asks the student's function for
 the controls at each step. Nothing hidden enters the jail."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from inspect import getsource
 from typing import Any
 
 import mujoco
 
+from grader.domain.axes import Placed
+from grader.exercises.episodes.judge import Outcome, bound_luck, judge_records
+from grader.exercises.episodes.parameters import EpisodesCase, Problem, check_names, pose_case
+from grader.exercises.episodes.pictures import build_evidence
+from grader.exercises.episodes.placing import place_episodes
+from grader.exercises.episodes.simulating import list_constant_laws, simulate_law
 from grader.exercises.kind import Ask, DrawnCase, JudgedTrial, Judgement, Kind, Trial
 from grader.exercises.kinds.controller import driver
-from grader.exercises.kinds.controller.goals import measure_goal, meets
-from grader.exercises.kinds.controller.judge import Outcome, judge_records
 from grader.exercises.kinds.controller.mistakes import name_the_mistake
-from grader.exercises.kinds.controller.parameters import (
-    ControllerCase,
-    ControllerParameters,
-    Problem,
-    check_names,
-    pose_case,
-)
-from grader.exercises.kinds.controller.pictures import build_evidence
-from grader.exercises.kinds.controller.simulating import list_constant_laws, play_case, simulate_law
+from grader.exercises.kinds.controller.parameters import ControllerParameters
+from grader.exercises.kinds.controller.playing import play_case
 from grader.questions.kinds.script import ScriptQuestion
 
 PERIODS_REHEARSED = 20
-EPISODES_OF_LUCK = 5
 
 
 class Controller(Kind[ControllerParameters, Problem, Outcome]):
@@ -37,7 +33,7 @@ class Controller(Kind[ControllerParameters, Problem, Outcome]):
     how = "The grader simulates, and calls your function for the controls at each step. It judges the motion."
 
     def build_trials(
-        self, parameters: ControllerParameters, drawn: DrawnCase[ControllerCase]
+        self, parameters: ControllerParameters, drawn: DrawnCase[EpisodesCase]
     ) -> Sequence[Trial[Problem]]:
         """Returns one trial, whose inputs are the model as it was written and no number of the case."""
         problem = pose_case(parameters, drawn)
@@ -81,6 +77,10 @@ class Controller(Kind[ControllerParameters, Problem, Outcome]):
         """Returns charts of the motion and of the controls."""
         return build_evidence(parameters, visible)
 
+    def place_on_axes(self, parameters: ControllerParameters, verdict: Mapping[str, Any]) -> Iterable[Placed]:
+        """Returns what each goal measured, beside what is allowed."""
+        return place_episodes(parameters, verdict)
+
     def write_lazy_answers(
         self, question: ScriptQuestion, parameters: ControllerParameters, trials: Sequence[Trial[Problem]]
     ) -> Mapping[str, str]:
@@ -91,12 +91,7 @@ class Controller(Kind[ControllerParameters, Problem, Outcome]):
         return {"no control": f"def {question.entry}(model, data, *target):\n    return {zeros}\n"}
 
     def bound_luck(self, parameters: ControllerParameters, trials: Sequence[Trial[Problem]]) -> float | None:
-        """Returns 1 if a law that looks at nothing passes one of the episodes, and 0 if none does."""
+        """Returns a bound of the chance that a law which looks at nothing succeeds in the share of episodes that must:
+        0 if none succeeds in any of those that are simulated."""
         (trial,) = trials
-        problem = trial.problem
-        for _, law in list_constant_laws(problem, has_target=parameters.has_target):
-            for index in range(min(EPISODES_OF_LUCK, len(problem.episodes))):
-                record = simulate_law(parameters, problem, index, law, problem.periods)
-                if all(meets(goal, measure_goal(goal, record)) for goal in parameters.goals):
-                    return 1.0
-        return 0.0
+        return bound_luck(parameters, trial.problem)

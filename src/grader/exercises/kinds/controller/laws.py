@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grader.exercises.kinds.controller.simulating import Floats, Mask, Record
+from grader.exercises.episodes.simulating import Floats, Mask, Record
 
 EXACT = 1 - 1e-10
 """The share of the variance of the controls that a law explains which is written down: all but rounding."""

@@ -6,11 +6,13 @@ from math import degrees
 
 import numpy as np
 
+from grader.exercises.episodes.goals import measure_saturation
+from grader.exercises.episodes.judge import Outcome
+from grader.exercises.episodes.parameters import Problem
+from grader.exercises.episodes.simulating import Record, list_widths
 from grader.exercises.kind import JudgedTrial
-from grader.exercises.kinds.controller.judge import Outcome
 from grader.exercises.kinds.controller.laws import ROUGH, FittedLaw, fit_law
-from grader.exercises.kinds.controller.parameters import ControllerParameters, Problem
-from grader.exercises.kinds.controller.simulating import Record
+from grader.exercises.kinds.controller.parameters import ControllerParameters
 from grader.exercises.trace import get_list
 
 Judged = JudgedTrial[Problem, Outcome]
@@ -23,6 +25,12 @@ FAR = 5.0
 
 RECORDS_READ = 3
 """Failed episodes that are looked at."""
+
+REST_PART = 5
+"""The last of so many parts of an episode is its end."""
+
+RESTS = 0.02
+"""What an error is of the whole motion at least, and what moves at the end is of the error at most."""
 
 SATURATED = 0.5
 """The share of time at the actuator's limit that counts as most of it."""
@@ -54,6 +62,11 @@ SATURATES = (
     "Most of the time the controls are beyond what the actuator gives: it switches from one end to the other. Lower "
     "the gains."
 )
+HANGS = (
+    "It comes to rest beside the target: gains on the error and on its rate alone hold a constant load, such as "
+    "gravity, only with an error that stays. Add the control that holds this load at the target, or sum the error over "
+    "time."
+)
 TUNED = (
     "It works in the episodes that you see, not in the hidden ones, whose models and starts are drawn. The numbers fit "
     "these episodes alone: leave a margin, and use what you observe."
@@ -76,21 +89,11 @@ def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged])
     is_tuned = bool(visible) and all(one.counts for one in visible)
     if any(is_first_alone(one) for one in wrong):
         return REMEMBERS
-    records = [(one, record) for one in wrong for record in list_failed(one)][:RECORDS_READ]
+    records = [(one, record) for one in wrong for record in one.judgement.outcome.list_failed()][:RECORDS_READ]
     sentences = [sentence for one, record in records for sentence in find_sentences(parameters, one, record)]
     if is_tuned:  # only what is wrong whatever the case is
         return next((one for one in sentences if one.endswith(DEGREES_END)), TUNED)
     return next(iter(sentences), None)
-
-
-def list_failed(one: Judged) -> list[Record]:
-    """Returns the records of the episodes that reached not every goal, without those that raised."""
-    outcome = one.judgement.outcome
-    return [
-        record
-        for record, failed in zip(outcome.records, outcome.failed, strict=True)
-        if failed and record.fault is None and len(record.time_s)
-    ]
 
 
 def is_first_alone(one: Judged) -> bool:
@@ -106,7 +109,7 @@ def find_sentences(parameters: ControllerParameters, one: Judged, record: Record
         return
     track = find_columns(parameters, one.trial.problem)[parameters.track]
     law = fit_law(record, track=track, has_target=parameters.has_target)
-    limited = find_saturated(one.trial.problem, record)
+    limited = measure_saturation(one.trial.problem, record)
     if law is not None:
         if law.stale:
             yield STALE
@@ -122,14 +125,18 @@ def find_sentences(parameters: ControllerParameters, one: Judged, record: Record
             yield from (said for said in find_wrong_gains(parameters, one.trial.problem, rough) if said in wrong_signs)
     if limited > SATURATED:
         yield SATURATES
+    if law is not None and not law.integral and rests_beside_target(record):
+        yield HANGS
 
 
-def find_saturated(problem: Problem, record: Record) -> float:
-    """Returns the share of time in which the controls are at or beyond an actuator's limit."""
-    model = problem.model
-    low, high = model.actuator_ctrlrange.T
-    beyond = (record.asked >= high) | (record.asked <= low)
-    return float(np.mean((beyond & model.actuator_ctrllimited.astype(bool)).any(axis=1)))
+def rests_beside_target(record: Record) -> bool:
+    """Whether the tracked sensor hardly moves at the end of an episode, and is not at its target."""
+    if record.is_over or record.lost_at_s is not None:
+        return False
+    tracked, target = (values[-max(1, len(values) // REST_PART) :] for values in (record.tracked, record.target))
+    error = float(np.abs(target - tracked).min())
+    way = float(np.ptp(record.tracked))
+    return bool(np.ptp(target) == 0 and error > RESTS * way and np.ptp(tracked) < RESTS * error)
 
 
 def find_beyond(problem: Problem, record: Record) -> float:
@@ -168,11 +175,9 @@ def classify_gain(gain: float, low: float, high: float, *, differentiated: bool)
 
 
 def find_columns(parameters: ControllerParameters, problem: Problem) -> dict[str, int]:
-    """Returns the first column of each observed sensor, and of the target."""
+    """Returns the first column of each observed name, and of the target."""
     columns, at = {}, 0
-    for name in parameters.observe:
+    for name, width in list_widths(parameters, problem).items():
         columns[name] = at
-        at += int(problem.model.sensor(name).dim[0])
-    if parameters.has_target:
-        columns["target"] = at
+        at += width
     return columns

@@ -1,13 +1,14 @@
 """The `rk4` kind judges steps of Runge-Kutta methods. It compares the student's trajectories with our own, under a
 force that only mj_forward applies, and names the mistake in a wrong step by its Butcher tableau."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from inspect import getsource
 from typing import Any
 
 import mujoco
 
+from grader.domain.axes import Placed
 from grader.exercises.film import Film
 from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Mistake, Results, Trial
 from grader.exercises.kinds.rk4.films import record_films
@@ -18,6 +19,7 @@ from grader.exercises.kinds.rk4.judging.run import Problem
 from grader.exercises.kinds.rk4.mistakes import name_the_mistake, write_lazy_steps
 from grader.exercises.kinds.rk4.parameters import Rk4Case, Rk4Parameters, pose_case
 from grader.exercises.kinds.rk4.pictures import build_evidence, describe_right_step
+from grader.exercises.kinds.rk4.placing import place_steps
 from grader.exercises.kinds.rk4.script_facts import CLAIMS, LANDMARKS
 from grader.exercises.kinds.rk4.truth import build_truth, prepare, rehearse
 from grader.numerics.scene import Scene
@@ -107,6 +109,10 @@ class Rk4(Kind[Rk4Parameters, Problem, Rk4Outcome]):
     ) -> Sequence[Film]:  # fmt: skip
         """Returns the student's motion beside MuJoCo's."""
         return [*record_films(trials, evidence)] if timestep_s is None else ()
+
+    def place_on_axes(self, parameters: Rk4Parameters, verdict: Mapping[str, Any]) -> Iterable[Placed]:
+        """Returns the distances from MuJoCo's RK4 beside their tolerances, and the observed order."""
+        return place_steps(parameters, ORDER, verdict)
 
     def write_lazy_answers(
         self, question: ScriptQuestion, parameters: Rk4Parameters, trials: Sequence[Trial[Problem]]

@@ -1,13 +1,14 @@
 """The `threshold` kind judges brackets of the largest stable timestep. It certifies a bracket by simulating at its
 ends, and names the mistake in a search by the runs that the script made."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from inspect import getsource
 from typing import Any
 
 import mujoco
 
+from grader.domain.axes import Placed
 from grader.exercises.film import Film
 from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Results, Trial
 from grader.exercises.kinds.threshold.films import record_films, record_timestep
@@ -18,6 +19,7 @@ from grader.exercises.kinds.threshold.limits import describe_expected, find_acce
 from grader.exercises.kinds.threshold.mistakes import describe_right_search, name_the_mistake, write_lazy_scripts
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters, build_cells
 from grader.exercises.kinds.threshold.pictures import build_evidence
+from grader.exercises.kinds.threshold.placing import place_brackets
 from grader.exercises.kinds.threshold.script_facts import CLAIMS, LANDMARKS
 from grader.exercises.parameters import Case
 from grader.questions import Reveal
@@ -106,6 +108,10 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
         if timestep_s is not None:
             return [*record_timestep(parameters, trials, evidence, failed, timestep_s)]
         return [*record_films(parameters, trials, evidence, failed)]
+
+    def place_on_axes(self, parameters: ThresholdParameters, verdict: Mapping[str, Any]) -> Iterable[Placed]:
+        """Returns each claimed bracket beside its limit."""
+        return place_brackets(verdict)
 
     def write_lazy_answers(
         self, question: ScriptQuestion, parameters: ThresholdParameters, trials: Sequence[Trial[Cell]]

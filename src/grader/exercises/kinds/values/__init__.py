@@ -1,10 +1,11 @@
 """The `values` kind judges the results of functions. It compares them with those of an author's program, or puts them
 into a residual, and names the mistake that gives them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from inspect import getsource
 from typing import Any
 
+from grader.domain.axes import Placed
 from grader.domain.run import Job, RunReport
 from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Mistake, Results, TextOf, Trial
 from grader.exercises.kinds.values.judging import driver
@@ -13,7 +14,8 @@ from grader.exercises.kinds.values.judging.judge import Comparisons, compute_tol
 from grader.exercises.kinds.values.mistakes import name_by_edits, name_the_mistake
 from grader.exercises.kinds.values.parameters import Problem, ValuesCase, ValuesParameters, pose_case
 from grader.exercises.kinds.values.pictures import build_evidence
-from grader.exercises.kinds.values.rehearsal import rehearse_call
+from grader.exercises.kinds.values.placing import place_results
+from grader.exercises.kinds.values.rehearsal import count_lucky_answers, rehearse_call
 from grader.questions import Reveal
 from grader.questions.kinds.script import ScriptQuestion
 
@@ -74,6 +76,10 @@ class Values(Kind[ValuesParameters, Problem, Comparisons]):
         """Returns a table of computed and expected results."""
         return build_evidence(visible)
 
+    def place_on_axes(self, parameters: ValuesParameters, verdict: Mapping[str, Any]) -> Iterable[Placed]:
+        """Returns the worst deviation of each case in tolerances."""
+        return place_results(parameters, verdict)
+
     def write_lazy_answers(
         self, question: ScriptQuestion, parameters: ValuesParameters, trials: Sequence[Trial[Problem]]
     ) -> Mapping[str, str]:
@@ -84,6 +90,12 @@ class Values(Kind[ValuesParameters, Problem, Comparisons]):
     def count_returned(self, trial: Trial[Problem]) -> int:
         """Returns the number of results that are not left in a field of data."""
         return sum(result.field is None for result in trial.problem.function.results)
+
+    def count_lucky(
+        self, parameters: ValuesParameters, draws: Sequence[Sequence[Trial[Problem]]]
+    ) -> Sequence[int] | None:
+        """Returns in how many draws the best of some fixed answers satisfies the residual, call by call."""
+        return count_lucky_answers([trials[0].problem for trials in draws])
 
     def list_accepted(
         self, parameters: ValuesParameters, trials: Sequence[Trial[Problem]]

@@ -2,9 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from math import prod
-from types import MappingProxyType
 from typing import Annotated, Any, Literal, Self
 
 import mujoco
@@ -12,18 +10,24 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from grader.domain.numbers import NotNegative, Positive, Value, WholeRange, WholeValue
-from grader.errors import GraderError
-from grader.exercises.kind import DrawnCase, TextOf
+from grader.exercises.kind import DrawnCase
 from grader.exercises.kinds.values.judging.driver import Rows, call_function, compile_model, start_data
 from grader.exercises.kinds.values.judging.problem import Call
-from grader.exercises.parameters import CASES_MAX, Case, ExerciseParameters, Strict, WrongParameter, WrongProgram
+from grader.exercises.kinds.values.made_arguments import ARGUMENTS_MAX, run_arguments
+from grader.exercises.parameters import (
+    CASES_MAX,
+    ELEMENTS_MAX,
+    Case,
+    ExerciseParameters,
+    Start,
+    Strict,
+    Values,
+    WrongProgram,
+    draw_exactly,
+)
+from grader.exercises.programs import Program, load_program
 
 Name = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
-
-ELEMENTS_MAX = 10_000
-"""Most numbers of an array, or of a part of the state."""
-
-Values = Annotated[tuple[Value, ...], Field(max_length=ELEMENTS_MAX)]
 
 Size = Annotated[int, Field(ge=1, le=ELEMENTS_MAX)] | Annotated[str, Field(pattern=r"^argument [1-9]\d?$")]
 """A size of an array: a number, or an argument of the call: a whole number itself, an array by its length."""
@@ -100,21 +104,31 @@ Argument = Annotated[
 ]
 
 
-class Start(Strict):
-    """The state in which `data` is given: a keyframe, and parts that replace its own."""
+class ArgumentsProgram(Strict):
+    """The path of an author's program whose `function` makes the arguments of a call: it gets the case's model, or
+    None, the drawn numbers by name, and a random generator of NumPy."""
 
-    key: str | None = None
-    qpos: Values | None = None
-    qvel: Values | None = None
-    act: Values | None = None
-    ctrl: Values | None = None
+    program: str = Field(min_length=1)
+    function: str = Field(default="arguments", pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
+
+
+def choose_arguments(arguments: Any) -> str:
+    """Returns how arguments are declared: by a "program", or each for itself."""
+    return "program" if isinstance(arguments, Mapping | ArgumentsProgram) else "each"
+
+
+Arguments = Annotated[
+    Annotated[Annotated[tuple[Argument, ...], Field(max_length=ARGUMENTS_MAX)], Tag("each")]
+    | Annotated[ArgumentsProgram, Tag("program")],
+    Discriminator(choose_arguments),
+]
 
 
 class ValuesCase(Case):
     """Some `calls` of one `function` (by default the first), each with arguments and a start drawn anew."""
 
     function: str | None = None
-    arguments: tuple[Argument, ...] = Field(default=(), max_length=20)
+    arguments: Arguments = ()
     start: Start = Start()
     calls: int = Field(default=1, ge=1, le=20)
 
@@ -127,10 +141,6 @@ class ValuesParameters(ExerciseParameters):
     functions: tuple[Function, ...] = Field(min_length=1, max_length=20)
     cases: tuple[ValuesCase, ...] = Field(min_length=1, max_length=CASES_MAX)
     mistakes: tuple[WrongProgram, ...] = Field(default=(), max_length=50)
-
-
-Program = Mapping[str, Any]
-"""The names that an author's program defines."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,30 +231,6 @@ def read_size(size: int | str, arguments: Sequence[Any]) -> int:
     return found
 
 
-@lru_cache(maxsize=64)
-def run_program(path: str, text: str) -> Program:
-    """Runs an author's program in a namespace of its own. Raises ValueError if that fails."""
-    names: dict[str, Any] = {"__name__": "program", "__file__": path}
-    try:
-        exec(compile(text, path, "exec"), names)  # noqa: S102 - the text is the author's, which is trusted
-    except (Exception, SystemExit) as error:
-        line = f"line {error.lineno}: " if isinstance(error, SyntaxError) else ""
-        raise ValueError(f"{path}: {line}{type(error).__name__}: {error}") from error
-    return MappingProxyType(names)
-
-
-def load_program(path: str, text_of: TextOf, key: str, *functions: str) -> Program:
-    """Returns a program of the content folder that defines `functions`. Raises WrongParameter."""
-    try:
-        program = run_program(path, text_of(path))
-    except (GraderError, ValueError) as error:
-        raise WrongParameter(key, str(error)) from error
-    for name in functions:
-        if not callable(program.get(name)):
-            raise WrongParameter(key, f"{path} defines no function {name}")
-    return program
-
-
 def pose_case(parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Problem:
     """Draws the calls of a case. Raises WrongParameter, ValueError or KeyError for parameters that cannot work."""
     case = drawn.case
@@ -252,14 +238,15 @@ def pose_case(parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Pro
     name = case.function or next(iter(known))
     if name not in known:
         raise ValueError(f"`functions` has no function {name!r}; it has {', '.join(known)}")
-    if not drawn.xml and ({"model", "data"} & {*map(str, case.arguments)} or uses_data(known[name])):
+    declared = () if isinstance(case.arguments, ArgumentsProgram) else case.arguments
+    if not drawn.xml and ({"model", "data"} & {*map(str, declared)} or uses_data(known[name])):
         raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text)")
     wanted = known[name].residual.function if known[name].residual else name  # type: ignore[union-attr]
     problem = Problem(
         name,
         known[name],
         drawn.xml,
-        tuple(draw_call(case, drawn.rng) for _ in range(case.calls)),
+        tuple(draw_call(drawn) for _ in range(case.calls)),
         load_program(parameters.program, drawn.content.text_of, "program", wanted),
         tuple(
             (load_program(one.program, drawn.content.text_of, f"mistakes.{index}.program"), one.sentence)
@@ -279,15 +266,15 @@ def uses_data(function: Function) -> bool:
     return any(result.field for result in function.results)
 
 
-def draw_call(case: ValuesCase, rng: np.random.Generator) -> Call:
-    """Draws the arguments and the start of one call."""
-    arguments = tuple(draw_argument(argument, rng) for argument in case.arguments)
-    state = {
-        name: None if values is None else [draw_number(value, rng) for value in values]
-        for name, values in case.start
-        if name != "key"
-    }
-    return Call(arguments, {"key": case.start.key, **state})
+def draw_call(drawn: DrawnCase[ValuesCase]) -> Call:
+    """Draws the arguments and the start of one call. Raises ValueError where the author's program makes none."""
+    declared, rng = drawn.case.arguments, drawn.rng
+    if isinstance(declared, ArgumentsProgram):
+        maker = declared.program, declared.function, drawn.content.text_of(declared.program)
+        arguments = run_arguments(maker, drawn.xml, tuple(drawn.numbers.items()), int(rng.integers(2**63)))
+    else:
+        arguments = tuple(draw_argument(argument, rng) for argument in declared)
+    return Call(arguments, drawn.case.start.draw(rng))
 
 
 def draw_argument(argument: Argument, rng: np.random.Generator) -> Any:
@@ -298,10 +285,5 @@ def draw_argument(argument: Argument, rng: np.random.Generator) -> Any:
         ends = argument.integer
         return int(rng.integers(ends[0], ends[1], endpoint=True)) if isinstance(ends, WholeRange) else ends
     if isinstance(argument, Array):
-        return np.reshape([draw_number(value, rng) for value in argument.array], argument.shape or -1).tolist()
-    return draw_number(argument, rng)
-
-
-def draw_number(value: Value, rng: np.random.Generator) -> float:
-    """Returns a number unchanged, or draws one from its range: in full precision, so that no value is likely."""
-    return float(rng.uniform(*value)) if isinstance(value, tuple) else value
+        return np.reshape([draw_exactly(value, rng) for value in argument.array], argument.shape or -1).tolist()
+    return draw_exactly(argument, rng)

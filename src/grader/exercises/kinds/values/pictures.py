@@ -1,4 +1,4 @@
-"""The evidence of visible calls: a table of computed and expected results."""
+"""The evidence of visible calls: a table of computed and expected results, and the residuals."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +11,8 @@ ROWS_MAX = 40
 
 
 def build_evidence(visible: Sequence[JudgedTrial[Problem, Comparisons]]) -> dict[str, Any]:
-    """Returns `values`: one row for each result of a call that gave results; `expected` is None for a residual."""
+    """Returns `values`: one row for each result of a call that gave results; `expected` is None for a residual.
+    `residuals` has the size of each residual that was computed."""
     rows = [
         {
             "case": one.trial.id,
@@ -27,4 +28,10 @@ def build_evidence(visible: Sequence[JudgedTrial[Problem, Comparisons]]) -> dict
         if compared.answer.values is not None
         for position, result in enumerate(one.trial.problem.function.results)
     ]
-    return {"values": rows[:ROWS_MAX]}
+    residuals = [
+        {"case": one.trial.id, "call": index + 1, "size": float(f"{compared.residual:.4g}")}
+        for one in visible
+        for index, compared in enumerate(one.judgement.outcome)
+        if compared.residual is not None
+    ]
+    return {"values": rows[:ROWS_MAX], **({"residuals": residuals[:ROWS_MAX]} if residuals else {})}

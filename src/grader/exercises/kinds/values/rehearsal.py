@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from grader.exercises.kinds.values.judging.driver import Rows
 from grader.exercises.kinds.values.judging.problem import Call
 from grader.exercises.kinds.values.parameters import Problem
 
@@ -41,3 +42,40 @@ def rehearse_residual(problem: Problem, call: Call, shapes: Sequence[tuple[int, 
     named = ", ".join(f"{one.name} {shape}" for one, shape in zip(problem.function.results, shapes, strict=True))
     assert problem.function.residual is not None
     raise ValueError(f"{problem.function.residual.function} {why}, for results of the shapes {named}: declare `shape`")
+
+
+TRIED = 8
+"""Right answers of other draws that are tried as fixed answers: each costs a call of the residual in every draw."""
+
+
+def count_lucky_answers(problems: Sequence[Problem]) -> list[int] | None:
+    """Returns, for each call of a function with a residual, in how many draws the best fixed answer satisfies it: a
+    constant, the author's own answer in another draw, or the mean of these. None where the author's program does not
+    solve the function itself, so that no right answer is known. Calls that share a drawn model are one part."""
+    first = problems[0]
+    if first.function.residual is None or not callable(first.program.get(first.name)):
+        return None
+    counts = [count_lucky_calls(problems, index) for index in range(len(first.calls))]
+    return counts if first.independent else [min(counts)]
+
+
+def count_lucky_calls(problems: Sequence[Problem], index: int) -> int:
+    """Returns in how many draws the best fixed answer satisfies the residual of one call."""
+    solved = [problem.compute_results(problem.calls[index]) for problem in problems[:TRIED]]
+    answers = [tuple(one) for one in solved if not isinstance(one, str)]
+    if len(answers) < len(solved):
+        raise ValueError(f"{problems[0].name} of the author's program must give finite numbers")
+    if all(len({each.shape for each in results}) == 1 for results in zip(*answers, strict=True)):
+        answers.append(tuple(np.mean(results, axis=0) for results in zip(*answers, strict=True)))
+    answers += [tuple(np.full_like(each, number) for each in answers[0]) for number in REHEARSED]
+    return max(sum(is_satisfied(problem, problem.calls[index], one) for problem in problems) for one in answers)
+
+
+def is_satisfied(problem: Problem, call: Call, answer: tuple[Rows, ...]) -> bool:
+    """Whether an answer satisfies the residual of a call; one of another shape does not."""
+    assert problem.function.residual is not None
+    try:
+        rest = problem.compute_remainder(call, answer)
+    except Exception:  # it may raise for numbers that are far from right
+        return False
+    return rest is not None and bool(rest.size) and float(np.abs(rest).max()) <= problem.function.residual.atol

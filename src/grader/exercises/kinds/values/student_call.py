@@ -8,7 +8,8 @@ import mujoco
 from grader.exercises.kinds.values.judging.driver import Rows
 from grader.exercises.kinds.values.judging.judge import Comparison, fits
 from grader.exercises.kinds.values.judging.problem import Call
-from grader.exercises.kinds.values.parameters import Problem, Program, Result
+from grader.exercises.kinds.values.parameters import Problem, Result
+from grader.exercises.programs import Program
 from grader.exercises.trace import NO_TRACE, Trace
 
 

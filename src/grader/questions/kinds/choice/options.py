@@ -7,10 +7,11 @@ from typing import Any, TypeVar
 
 from grader.domain.lab import LabConfig
 from grader.domain.markup import plain_text, quoted
+from grader.domain.plugins import Remark
 from grader.domain.verdict import Finding, Verdict, verdict_of
 from grader.errors import InvalidAnswer
 from grader.questions.answer_keys import OptionKey
-from grader.questions.kind import FIELD, Fields, Option, QuestionKind, Remark
+from grader.questions.kind import FIELD, Fields, Option, QuestionKind
 from grader.questions.question import OptionIndex, Options, Question, Whys
 
 INDEX = re.compile(r"[+-]?[0-9]{1,9}")

@@ -7,9 +7,10 @@ from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
 from grader.domain.markup import quoted
+from grader.domain.plugins import Remark
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import InvalidAnswer
-from grader.questions.kind import FIELD, Example, Fields, Option, QuestionKind, Remark
+from grader.questions.kind import FIELD, Example, Fields, Option, QuestionKind
 from grader.questions.kinds.choice.options import DIGITS_MAX, NO_WHYS, option_text, read_choice
 from grader.questions.parts import json_or_text
 from grader.questions.question import OptionIndex, Options, Question, Whys

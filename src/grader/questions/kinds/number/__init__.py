@@ -5,13 +5,16 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from grader.domain.lab import LabConfig
 from grader.domain.numbers import NotNegative, Real
+from grader.domain.plugins import Remark
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.questions.answer_keys import NumberKey
-from grader.questions.kind import CountedNumber, Example, QuestionKind, Remark
+from grader.questions.drawing import Drawable
+from grader.questions.kind import CountedNumber, Example, QuestionKind
 from grader.questions.kinds.number.quantities import Quantity, read_quantity
 from grader.questions.kinds.number.slips import find_slip, is_right, size_of
-from grader.questions.kinds.number.units import known_unit
+from grader.questions.kinds.number.units import known_unit, suggest_unit
 from grader.questions.question import Question, Reveal
 
 
@@ -30,25 +33,27 @@ class Target(BaseModel):
         return self.tol if self.tol is not None else 0.02 * abs(self.answer)
 
 
-class NumberQuestion(Target, Question):
-    """A question for one number."""
+class NumberQuestion(Target, Drawable, Question):
+    """A question for one number; `sim` is a simulation that the learner sees after the answer."""
 
     kind: Literal["numeric"]
     reveal: Reveal | None = None
+    sim: LabConfig | None = None
 
     @property
     def key(self) -> NumberKey:
         """The number that is right, and within what."""
         return NumberKey(
-            kind=self.kind, text=self.q, explain=self.explain or "", verify=self.verify, answer=self.answer,
-            tolerance=self.tolerance, unit=self.unit
+            kind=self.kind, text=self.q, explain=self.explain or "", verify=self.verify, lab=self.sim,
+            answer=self.answer, tolerance=self.tolerance, unit=self.unit
         )  # fmt: skip
 
 
 def target_warnings(target: Target) -> Iterator[Remark]:
     """Yields remarks on a unit and a tolerance that accept fewer answers than their author may expect."""
     if target.unit and known_unit(target.unit) is None:
-        yield Remark("unit", f"{target.unit!r} is not a known unit: nothing is converted")
+        cure = f"correct it{suggest_unit(target.unit)}, or keep it where it counts things"
+        yield Remark("unit", f"{target.unit!r} is not a known unit, so that nothing is converted: {cure}")
     if target.tolerance == 0 and target.tol is None:
         yield Remark("tol", "2 % of 0 is 0: give tol, or only an exact 0 is right")
 
@@ -90,8 +95,12 @@ class Number(QuestionKind[NumberQuestion, Quantity]):
         return "Give a number"
 
     def view(self, question: NumberQuestion) -> dict[str, Any]:
-        """Returns the unit."""
-        return {"unit": question.unit}
+        """Returns the unit; `has_lab` announces the lab, which is shown after the answer."""
+        return {"unit": question.unit, "has_lab": question.sim is not None}
+
+    def lab(self, question: NumberQuestion) -> LabConfig | None:
+        """Returns the simulation."""
+        return question.sim
 
     def read(self, question: NumberQuestion, answer: Any) -> Quantity:
         """Reads a JSON number or a text, in the unit of the question."""
@@ -103,13 +112,14 @@ class Number(QuestionKind[NumberQuestion, Quantity]):
 
     def grade(self, question: NumberQuestion, answer: Quantity) -> Verdict:
         """Gives all points for a number within the tolerance; names the slip behind a wrong one."""
-        finding = grade_number(question.key, answer, question.points)
-        slip = None if finding.passed else find_slip(answer, question.key)
+        key = question.key
+        finding = grade_number(key, answer, question.points)
+        slip = None if finding.passed else find_slip(answer, key)
         return verdict_of((finding,), diagnosis=slip, evidence={"value": answer.value, "unit": question.unit})
 
     def numbers(self, question: NumberQuestion) -> Sequence[CountedNumber]:
-        """Returns the one number."""
-        return [CountedNumber(question.unit or "", question.tolerance)]
+        """Returns the one number; none where every learner has another key."""
+        return [] if question.draw else [CountedNumber(question.unit or "", question.tolerance)]
 
     def example(self) -> Example:
         """Returns a question about a pendulum."""
@@ -120,7 +130,8 @@ class Number(QuestionKind[NumberQuestion, Quantity]):
                 "answer": 2.22845,
                 "tol": 0.0123,
                 "unit": "s",
-                "explain": "<em>T</em> = 2π√(<em>l</em>/<em>g</em>)",
+                "explain": "$T = 2\\pi\\sqrt{l/g}$",
+                "verify": {"by": "expression", "expr": "2 * Math.PI * Math.sqrt(1.234 / 9.81)"},
             },
             [(2.23, Status.CORRECT), ("2230 ms", Status.CORRECT), ("1.1", Status.INCORRECT),
              ("3 kg", Status.INVALID_ANSWER), (None, Status.INVALID_ANSWER)],

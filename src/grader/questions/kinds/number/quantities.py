@@ -92,7 +92,8 @@ AGREEMENT = 1e-3
 
 @dataclass(frozen=True)
 class Quantity:
-    """An answer as it was understood: `value` in the question's `unit`, from a `number` in the `typed_unit`."""
+    """An answer as it was understood: `value` in the question's `unit`, from a `number` in the `typed_unit`, which was
+    typed with so many `digits`."""
 
     value: float
     number: float
@@ -100,11 +101,13 @@ class Quantity:
     unit: str
     left_out: str = ""
     """A remark behind the answer that was not read."""
+    digits: int = 0
 
     @cached_property
     def text(self) -> str:
-        """The answer in the question's unit, `5 ms`."""
-        return f"{format_number(self.value)} {self.unit}".strip()
+        """The answer in the question's unit, `5 ms`, with a digit more than was typed: what was typed in other digits
+        looks different."""
+        return f"{format_number(self.value, digits=self.digits + 1)} {self.unit}".strip()
 
     @property
     def echo(self) -> str:
@@ -126,7 +129,7 @@ def read_quantity(answer: Any, unit: str | None, question: str = "") -> Quantity
             return _read_text(answer, shown, question)
         if isinstance(answer, int | float) and not isinstance(answer, bool):
             value = _as_float(answer)
-            return Quantity(value, value, None, shown)
+            return Quantity(value, value, None, shown, digits=count_digits(repr(value)))
         raise InvalidAnswer("The answer must be a number, or a text: type one number.")
     except InvalidAnswer as error:
         where = f"in {shown}" if shown else "without a unit"
@@ -278,17 +281,23 @@ def _read_side(text: str, shown: str) -> Quantity:
     """Read one number with or without a unit, in the unit `shown`. Raises InvalidAnswer."""
     number = read_number(MINUS.sub("-", text, count=1) if MINUS.match(text) else text)
     if not number.rest or _same_label(number.rest, shown):
-        return Quantity(number.value, number.value, None, shown)
+        return Quantity(number.value, number.value, None, shown, digits=count_digits(text))
     name = number.rest.rstrip(FULL_STOPS) or number.rest
     if found := SET_OFF.fullmatch(name):
         name = found[1] or found[2]
+    digits = count_digits(text.removesuffix(number.rest))
     try:
-        return _convert(number.value, name, shown)
+        return replace(_convert(number.value, name, shown), digits=digits)
     except InvalidAnswer as error:
         if (apart := METRES_PER.sub("m s", name)) != name:
             with suppress(InvalidAnswer):
-                return _convert(number.value, apart, shown)
+                return replace(_convert(number.value, apart, shown), digits=digits)
         raise unreadable(text, number.rest, str(error)) from error
+
+
+def count_digits(text: str) -> int:
+    """Returns how many digits a number was typed with, at least those that are significant."""
+    return sum(character.isdigit() for character in text)
 
 
 def _convert(number: float, name: str, shown: str) -> Quantity:

@@ -45,6 +45,8 @@ def fold(text: str) -> str:
     """Remove markup and normalise spelling (`10⁻³` to `10^-3`, `٥` to `5`), in linear time. A digit in another position
     (`½`, `₂`, `①`) is set apart by spaces: `2½` does not become 21/2."""
     text = without_markup(text)
+    if text.isascii():
+        return text
     text = SUPERSCRIPT.sub(lambda run: "^" + run[0].translate(SUPERSCRIPTS), text)
     text = "".join(f" {c} " if c.isnumeric() and not c.isdecimal() else c for c in text)
     text = unicodedata.normalize("NFKC", text.translate(LOOKALIKES)).translate(LOOKALIKES)

@@ -212,9 +212,13 @@ def look_up(name: str) -> str:
             continue
         if full_name and not full_name.endswith(LOGARITHMIC):
             return full_name
+    raise InvalidAnswer(f"The unit {quoted(name)} is not known{suggest_unit(name)}")
+
+
+def suggest_unit(name: str) -> str:
+    """Returns a question after the unit that was probably meant, in brackets; empty if none is near."""
     similar = get_close_matches(name.lower(), SUGGESTED, n=1, cutoff=SIMILARITY_MIN) if len(name) > 3 else []
-    question = f" (did you mean {similar[0].replace('_', ' ')}?)" if similar else ""
-    raise InvalidAnswer(f"The unit {quoted(name)} is not known{question}")
+    return f" (did you mean {similar[0].replace('_', ' ')}?)" if similar else ""
 
 
 def symbols(powers: Powers) -> str:

@@ -7,12 +7,15 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
+from grader.domain.lab import LabConfig
 from grader.domain.markup import plain_text
+from grader.domain.plugins import Remark
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.domain.verify import Verify
 from grader.errors import InvalidAnswer
 from grader.questions.answer_keys import NumberKey
-from grader.questions.kind import NOTHING_TYPED, CountedNumber, Example, Fields, QuestionKind, Remark
+from grader.questions.drawing import Drawable
+from grader.questions.kind import NOTHING_TYPED, CountedNumber, Example, Fields, QuestionKind
 from grader.questions.kinds.number import Target, grade_number, list_typed_numbers, target_warnings
 from grader.questions.kinds.number.quantities import Quantity, read_quantity
 from grader.questions.kinds.number.slips import find_slip
@@ -44,12 +47,14 @@ def _distinct_ids(fields: tuple[NumberField, ...]) -> tuple[NumberField, ...]:
     return fields
 
 
-class NumbersQuestion(Question):
-    """Several numbers. The points of the question are the sum of those of its fields."""
+class NumbersQuestion(Drawable, Question):
+    """Several numbers. The points of the question are the sum of those of its fields; `sim` is a simulation that the
+    learner sees after the answer."""
 
     kind: Literal["numbers"]
     fields: Annotated[tuple[NumberField, ...], Field(min_length=1, max_length=PARTS_MAX), AfterValidator(_distinct_ids)]
     reveal: Reveal | None = None
+    sim: LabConfig | None = None
 
     @property
     def sum_of_points(self) -> float:
@@ -84,7 +89,8 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
         return [
             NumberKey(
                 kind=question.kind, text=field.label, explain=question.explain or "", verify=field.verify,
-                place=f"fields.{place}", answer=field.answer, tolerance=field.tolerance, unit=field.unit
+                lab=question.sim, place=f"fields.{place}", answer=field.answer, tolerance=field.tolerance,
+                unit=field.unit
             )
             for place, field in enumerate(question.fields)
         ]  # fmt: skip
@@ -98,9 +104,14 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
         return "Give the numbers"
 
     def view(self, question: NumbersQuestion) -> dict[str, Any]:
-        """Returns the fields without their numbers."""
+        """Returns the fields without their numbers; `has_lab` announces the lab, which is shown after the answer."""
         shown = {"id", "label", "unit", "points"}
-        return {"fields": [field.model_dump(include=shown) for field in question.fields]}
+        fields = [field.model_dump(include=shown) for field in question.fields]
+        return {"fields": fields, "has_lab": question.sim is not None}
+
+    def lab(self, question: NumbersQuestion) -> LabConfig | None:
+        """Returns the simulation."""
+        return question.sim
 
     def from_form(self, question: NumbersQuestion, fields: Fields) -> dict[str, str]:
         """Returns what was typed into each field. Raises InvalidAnswer where all are empty."""

@@ -6,11 +6,12 @@ from typing import Any, Literal
 from grader.domain.lab import LabConfig
 from grader.domain.verdict import Status
 from grader.questions.answer_keys import OptionKey
+from grader.questions.drawing import Drawable
 from grader.questions.kind import Example
 from grader.questions.kinds.choice.options import OneOption, OptionsQuestion, option_key
 
 
-class PredictQuestion(OptionsQuestion):
+class PredictQuestion(Drawable, OptionsQuestion):
     """A choice that the learner makes before running the simulation in `sim`."""
 
     kind: Literal["predict"]
@@ -51,7 +52,7 @@ class Predict(OneOption[PredictQuestion]):
                     "It has less inertia, and as much less weight.",
                     "Weight and inertia grow alike.",
                 ],
-                "explain": "The mass cancels in <em>ml</em>²<em>θ</em>″ = −<em>mgl</em> sin <em>θ</em>.",
+                "explain": "The mass cancels in $ml^2\\ddot\\theta = -mgl\\sin\\theta$.",
                 "sim": {"title": "Two masses, one period", "model": "bob", "setup": "data.qpos[0] = 0.5"},
             },
             [(2, Status.CORRECT), (0, Status.INCORRECT), ("Both", Status.INVALID_ANSWER)],

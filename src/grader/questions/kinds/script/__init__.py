@@ -1,18 +1,19 @@
-"""`code`: write a script, which `grader.exercises` runs in the jail and judges by simulating again."""
+"""`code`: write a script, a model or a file, which `grader.exercises` runs in the jail and judges by simulating."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from grader.domain.plugins import Remark
 from grader.domain.rubric import Rubric
-from grader.domain.run import SOURCE_BYTES_MAX, Limits
+from grader.domain.run import Limits
 from grader.domain.verdict import Status, Verdict
-from grader.errors import InvalidAnswer, TooLarge, Unprocessable
+from grader.questions.forms import ENTRY, FORMS, Form, Takes, describe_file, read_text
 from grader.questions.kind import Example, Fields, QuestionKind, typed_in
 from grader.questions.question import Question, Reveal
 
-NO_SCRIPT = "Load or paste your script first."
+NO_ENTRY = "is required: the name of the function that a script must define"
 
 
 class CheckSpec(BaseModel):
@@ -29,22 +30,34 @@ class CheckSpec(BaseModel):
 
 
 class ScriptQuestion(Question):
-    """An exercise: a script whose function `entry` is called in the jail and judged by an independent simulation."""
+    """An exercise: a script whose function `entry` is called in the jail and judged by an independent simulation. Where
+    it `takes` MJCF or a file, the grader writes the script: its function returns the text, or the bytes."""
 
     kind: Literal["code"]
     starter: str | None = None
-    entry: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
+    takes: Takes = "python"
+    entry: str = Field(default=ENTRY, pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
     check: CheckSpec
     limits: Limits = Limits()
     rubric: Rubric = ()
     reveal: Reveal | None = None
 
+    @property
+    def form(self) -> Form:
+        """What an answer is called, and the file that holds it."""
+        return FORMS[self.takes]
+
 
 class Script(QuestionKind[ScriptQuestion, str]):
-    """A script. Its faults, its trials and its verdict are those of its exercise."""
+    """A script, a model or a file. Its faults, its trials and its verdict are those of its exercise."""
 
     question = ScriptQuestion
     is_script = True
+
+    def faults(self, question: ScriptQuestion) -> Iterator[Remark]:
+        """Yields that a script has no function to call."""
+        if question.takes == "python" and "entry" not in question.model_fields_set:
+            yield Remark("entry", NO_ENTRY)
 
     def reveal(self, question: ScriptQuestion) -> Reveal | None:
         """Returns what the author allows."""
@@ -59,41 +72,40 @@ class Script(QuestionKind[ScriptQuestion, str]):
         return "Exercise"
 
     def view(self, question: ScriptQuestion) -> dict[str, Any]:
-        """Returns the function to write, what a script may use, and whether there is a file to begin with."""
+        """Returns what to hand in, what a script may use, and whether there is a file to begin with."""
         limits = question.limits.model_dump()
-        return {"entry": question.entry, "limits": limits, "has_starter": question.starter is not None}
+        asked = {"takes": question.takes, "entry": question.entry}
+        return {**asked, "limits": limits, "has_starter": question.starter is not None}
 
     def starter(self, question: ScriptQuestion) -> str | None:
         """Returns that of the question."""
         return question.starter
 
     def from_form(self, question: ScriptQuestion, fields: Fields) -> dict[str, str]:
-        """Returns the text of the editor. Raises InvalidAnswer where that is empty."""
-        return {"source": typed_in(fields, NO_SCRIPT)}
+        """Returns the text of the editor, or the file. Raises InvalidAnswer where there is none."""
+        noun = question.form.noun
+        first = f"Choose your {noun} first." if question.form.is_file else f"Load or paste your {noun} first."
+        return self.from_text(question, typed_in(fields, first))
 
     def from_text(self, question: ScriptQuestion, text: str) -> dict[str, str]:
-        """Returns the text as a script."""
-        return {"source": text}
+        """Returns the text of a script or a model, or the base64 of a file, as an answer."""
+        return {question.form.key: text}
 
     def show(self, question: ScriptQuestion, answer: Any) -> str:
-        """Returns the text of the script."""
-        return str(answer.get("source", "")) if isinstance(answer, dict) else super().show(question, answer)
+        """Returns the text of the script or the model, or the size of the file."""
+        if not isinstance(answer, dict):
+            return super().show(question, answer)
+        return describe_file(str(answer["file"])) if "file" in answer else str(answer.get("source", ""))
 
     def read(self, question: ScriptQuestion, answer: Any) -> str:
-        """Reads the script of a `{"source": ...}` answer. Also raises TooLarge, and Unprocessable for another shape."""
-        if not isinstance(answer, dict) or not isinstance(answer.get("source"), str) or set(answer) - {"source"}:
-            raise Unprocessable('The answer to an exercise is {"source": "the text of your script"}.')
-        source: str = answer["source"].removeprefix("\ufeff")  # editors put it there, and Python skips it in a file
-        size = len(source.encode())
-        if size > SOURCE_BYTES_MAX:
-            raise TooLarge(f"The script is {size // 1024} KB long; at most {SOURCE_BYTES_MAX // 1024} KB are taken.")
-        if not source.strip():
-            raise InvalidAnswer("The script is empty.")
-        return source
+        """Returns the text of the script or the model, or the base64 of the file. Also raises TooLarge, and
+        Unprocessable for another shape."""
+        return read_text(question.form, answer)
 
     def describe(self, question: ScriptQuestion, answer: str) -> str:
         """Returns how long the script is."""
-        return f"a script of {len(answer.splitlines())} lines"
+        form = question.form
+        return describe_file(answer) if form.is_file else f"a {form.noun} of {len(answer.splitlines())} lines"
 
     def grade(self, question: ScriptQuestion, answer: str) -> Verdict:
         """Raises AssertionError: `grader.exercises` judges scripts."""

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from grader.exercises.kinds.rk4.judging.driver import add_force
+from grader.exercises.kinds.rk4.judging.driver import Forward, add_force
 from grader.exercises.kinds.rk4.judging.run import Force
 from grader.exercises.kinds.rk4.step_trace import Step
 
@@ -93,23 +93,32 @@ class Bench:
 
     model: mujoco.MjModel
     data: mujoco.MjData = field(init=False)
+    prepared: dict[int, tuple[Step, Sequence[Vector], Forward]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self.model = copy.copy(self.model)
         self.data = mujoco.MjData(self.model)
 
+    def prepare(self, step: Step, force: Force) -> tuple[Sequence[Vector], Forward]:
+        """Returns the states of a step, and mj_forward under its force. They are kept: hundreds of programs follow the
+        same step."""
+        if id(step) not in self.prepared:
+            forward = add_force(mujoco.mj_forward, vars(force))
+            self.prepared[id(step)] = step, list_states(self.model, step), forward
+        return self.prepared[id(step)][1:]
+
     def follow(self, program: Program, step: Step, force: Force) -> tuple[int, bool]:
         """Returns how many states of a step a program reaches, in order, and whether these are all: those in which
         mj_forward is called, and the one after the step. Calls in the same state count once."""
         model, data = self.model, self.data
-        states = list_states(model, step)
+        states, forward = self.prepare(step, force)
         last, largest = len(states) - 1, 1.0 + float(np.max(np.abs(states)))
         tolerance = ATOL * largest
         model.opt.timestep = step.timestep_s
         mujoco.mj_resetData(model, data)
         data.time, data.qpos[:], data.qvel[:] = step.time[0], step.qpos[0], step.qvel[0]
         data.act[:], data.ctrl[:], data.qacc[:] = step.act[0], step.ctrl[0], step.qacc[0]
-        forward, reached = add_force(mujoco.mj_forward, vars(force)), 0
+        reached = 0
 
         def call() -> None:
             nonlocal reached, tolerance

@@ -23,13 +23,15 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """One call with its answer. `expected` is None where a residual decides; `why` is empty if the answer is right."""
+    """One call with its answer. `expected` is None where a residual decides; `why` is empty if the answer is right.
+    `residual` is the size of the residual, None where none was computed."""
 
     call: Call
     answer: Answer
     expected: tuple[Rows, ...] | None
     why: str
     detail: str = ""
+    residual: float | None = None
 
 
 Comparisons = tuple[Comparison, ...]
@@ -148,10 +150,10 @@ def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple
     except Exception:  # the author's own function, over results of any shape
         return Comparison(call, answer, None, "The results have the wrong shape.")
     if size <= residual.atol:
-        return Comparison(call, answer, None, "")
+        return Comparison(call, answer, None, "", residual=size)
     detail = f"it is {size:.3g}{prefix_unit(residual.unit)}; {residual.atol:g}{prefix_unit(residual.unit)} is allowed."
     why = f"Your results do not satisfy the exercise's own equation: {residual.function} should be 0 for them."
-    return Comparison(call, answer, None, why, detail)
+    return Comparison(call, answer, None, why, detail, size)
 
 
 def compute_residual(problem: Problem, call: Call, values: tuple[Rows, ...]) -> float:

@@ -1,27 +1,31 @@
 """Measures what an episode achieved: one number for each goal, in the units of its sensor or of the controls."""
 
 from collections.abc import Callable, Mapping
-from math import inf, sqrt
+from math import ceil, comb, inf, sqrt
 
 import numpy as np
 
-from grader.exercises.kinds.controller.parameters import Goal, GoalName
-from grader.exercises.kinds.controller.simulating import Floats, Mask, Record
-
-Z = 1.959963984540054
-"""The 97.5 % quantile of the normal distribution: intervals of 95 %."""
+from grader.exercises.episodes.parameters import Goal, GoalName, Problem
+from grader.exercises.episodes.simulating import Floats, Mask, Record
+from grader.numerics.shares import bound_share
 
 
 def measure_goal(goal: Goal, record: Record) -> float:
-    """Returns the measure of a goal; inf where the episode did not reach its end, or nothing is left to measure."""
+    """Returns the measure of a goal. Where the episode did not reach its end, or nothing is left to measure, it is inf,
+    or -inf for a goal with a least value; a return counts up to where the author's program ends the episode."""
+    worst = inf if goal.min is None else -inf
     if record.fault is not None or record.lost_at_s is not None or not len(record.time_s):
-        return inf
+        return worst
+    if record.is_over and goal.goal != "return":
+        return worst
     later = record.time_s >= goal.from_s - 1e-9
-    return MEASURES[goal.goal](goal, record, later) if later.any() else inf
+    return MEASURES[goal.goal](goal, record, later) if later.any() else worst
 
 
 def meets(goal: Goal, measured: float) -> bool:
     """Whether a measure is within the goal."""
+    if goal.min is not None:
+        return measured >= goal.min
     return measured <= (0.0 if goal.max is None else goal.max)
 
 
@@ -82,6 +86,11 @@ def measure_range(goal: Goal, record: Record, later: Mask) -> float:
     return max(0.0, float(goal.within.low - values.min()), float(values.max() - goal.within.high))
 
 
+def measure_return(goal: Goal, record: Record, later: Mask) -> float:
+    """The sum of the author's rewards."""
+    return float(record.rewards[later].sum())
+
+
 def find_last_target(record: Record) -> int:
     """Returns the index at which the last target was set."""
     changes = np.flatnonzero(np.diff(record.target))
@@ -98,6 +107,7 @@ MEASURES: Mapping[GoalName, Measure] = {
     "energy": measure_energy,
     "chatter": measure_chatter,
     "range": measure_range,
+    "return": measure_return,
 }
 
 TITLES: Mapping[GoalName, str] = {
@@ -109,6 +119,7 @@ TITLES: Mapping[GoalName, str] = {
     "energy": "energy",
     "chatter": "chatter",
     "range": "limits",
+    "return": "return",
 }
 
 FAILED: Mapping[GoalName, str] = {
@@ -120,12 +131,23 @@ FAILED: Mapping[GoalName, str] = {
     "energy": "It takes too much energy.",
     "chatter": "The controls jump too much from one step to the next.",
     "range": "It leaves the range that is allowed.",
+    "return": "Its return, the sum of the rewards, is too small.",
 }
 
 
-def bound_share(successes: int, episodes: int) -> tuple[float, float]:
-    """Returns the 95 % interval of a share of successes. Source: Wilson, J. Am. Stat. Assoc. 22 (1927) 209."""
-    share = successes / episodes
-    middle = (share + Z**2 / (2 * episodes)) / (1 + Z**2 / episodes)
-    half = Z * sqrt(share * (1 - share) / episodes + Z**2 / (4 * episodes**2)) / (1 + Z**2 / episodes)
-    return max(0.0, min(share, middle - half)), min(1.0, max(share, middle + half))
+def bound_success(passed: int, simulated: int, episodes: int, share: float) -> float:
+    """Returns an upper bound of the chance that a law succeeds in a share of some episodes, drawn independently, of
+    which it has `passed` this many of those `simulated`. The chance of one is bounded by Wilson's interval."""
+    if passed == simulated:
+        return 1.0
+    _, chance = bound_share(passed, simulated)
+    needed = ceil(share * episodes - 1e-9)
+    return sum(comb(episodes, n) * chance**n * (1 - chance) ** (episodes - n) for n in range(needed, episodes + 1))
+
+
+def measure_saturation(problem: Problem, record: Record) -> float:
+    """Returns the share of time in which the controls are at or beyond an actuator's limit."""
+    model = problem.model
+    low, high = model.actuator_ctrlrange.T
+    beyond = (record.asked >= high) | (record.asked <= low)
+    return float(np.mean((beyond & model.actuator_ctrllimited.astype(bool)).any(axis=1)))

@@ -5,19 +5,18 @@ from typing import Any
 
 import numpy as np
 
+from grader.exercises.episodes.judge import Outcome
+from grader.exercises.episodes.parameters import EpisodesParameters, Problem
+from grader.exercises.episodes.simulating import Floats, Record
 from grader.exercises.kind import JudgedTrial
-from grader.exercises.kinds.controller.judge import Outcome
-from grader.exercises.kinds.controller.parameters import ControllerParameters, Problem
-from grader.exercises.kinds.controller.simulating import Floats, Record
 
 POINTS_MAX = 300
 CONTROLS_MAX = 4
 
 
-def build_evidence(
-    parameters: ControllerParameters, visible: Sequence[JudgedTrial[Problem, Outcome]]
-) -> dict[str, Any]:
-    """Returns two charts for each visible case: of its first episode that did not succeed, else of its first."""
+def build_evidence(parameters: EpisodesParameters, visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
+    """Returns two charts for each visible case: of its first episode that did not succeed, else of its first. They show
+    what the learner's own controller did, so that they are feedback and no solution."""
     charts = []
     for one in visible:
         outcome = one.judgement.outcome
@@ -26,10 +25,10 @@ def build_evidence(
         if len(outcome.records[at].time_s):
             title = f", episode {at + 1}" if len(outcome.records) > 1 else ""
             charts += draw_record(parameters, one.trial.id, outcome.records[at], title)
-    return {"charts": charts}
+    return {"motions": charts}
 
 
-def draw_record(parameters: ControllerParameters, case: str, record: Record, title: str) -> list[dict[str, Any]]:
+def draw_record(parameters: EpisodesParameters, case: str, record: Record, title: str) -> list[dict[str, Any]]:
     """Returns the charts of one episode."""
     every = max(1, -(-len(record.time_s) // POINTS_MAX))
     time = {"label": "time [s]", "log": False}

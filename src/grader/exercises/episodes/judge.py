@@ -5,16 +5,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 
+from grader.exercises.episodes.goals import FAILED, TITLES, bound_success, measure_goal, meets
+from grader.exercises.episodes.parameters import EpisodesParameters, Goal, Problem
+from grader.exercises.episodes.simulating import Record, describe_fault, list_constant_laws, simulate_law
 from grader.exercises.judgement import Judgement, Part
-from grader.exercises.kinds.controller.goals import FAILED, TITLES, bound_share, measure_goal, meets
-from grader.exercises.kinds.controller.parameters import ControllerParameters, Goal, Problem
-from grader.exercises.kinds.controller.simulating import Record, describe_fault
+from grader.numerics.shares import bound_share
 
 LOST = "The simulation blew up: MuJoCo warned, and the run ended there."
 
+OVER = "The episode ended before its time, by the rule of the exercise."
+
 UNMET = "Counts only where the target is reached."
 
-REACHING = ("rms", "error", "settling")
+EPISODES_OF_LUCK = 5
+
+REACHING = ("rms", "error", "settling", "return")
 """Goals that take a controller."""
 
 
@@ -25,9 +30,17 @@ class Outcome:
     records: Sequence[Record]
     failed: Sequence[frozenset[int]]
 
+    def list_failed(self) -> list[Record]:
+        """Returns the records of the episodes that reached not every goal, without those that raised."""
+        return [
+            record
+            for record, failed in zip(self.records, self.failed, strict=True)
+            if failed and record.fault is None and len(record.time_s)
+        ]
+
 
 def judge_records(
-    parameters: ControllerParameters, problem: Problem, records: Sequence[Record], *, hidden: bool
+    parameters: EpisodesParameters, problem: Problem, records: Sequence[Record], *, hidden: bool
 ) -> Judgement[Outcome]:
     """Returns the judgement on a case. An exception loses its own episode alone."""
     measured = [[measure_goal(goal, record) for goal in parameters.goals] for record in records]
@@ -73,9 +86,12 @@ def judge_goal(goal: Goal, id_: str, value: float, record: Record, *, failed: bo
     message = "Reached." if passed else UNMET if meets(goal, value) else FAILED[goal.goal]
     if record.lost_at_s is not None:
         message = LOST
-    allowed = 0.0 if goal.max is None else goal.max
+    elif record.is_over and not isfinite(value):
+        message = OVER
+    allowed = (0.0 if goal.max is None else goal.max) if goal.min is None else goal.min
     if isfinite(value):
-        detail = f"Measured {value:.4g}; at most {allowed:.4g} is allowed."
+        limit = f"at most {allowed:.4g} is allowed" if goal.min is None else f"at least {allowed:.4g} is needed"
+        detail = f"Measured {value:.4g}; {limit}."
     else:
         detail = "" if record.lost_at_s is None else f"It blew up at t = {record.lost_at_s:.4g} s."
     if goal.within is not None:
@@ -88,7 +104,7 @@ def judge_goal(goal: Goal, id_: str, value: float, record: Record, *, failed: bo
 
 
 def judge_share(
-    parameters: ControllerParameters, problem: Problem, outcome: Outcome, *, hidden: bool
+    parameters: EpisodesParameters, problem: Problem, outcome: Outcome, *, hidden: bool
 ) -> Judgement[Outcome]:
     """Returns the judgement on several episodes."""
     n = len(outcome.records)
@@ -104,7 +120,7 @@ def judge_share(
     return Judgement(passed, message, outcome, detail, measured=successes / n, expected=problem.case.share)
 
 
-def explain_most(parameters: ControllerParameters, outcome: Outcome, *, hidden: bool) -> str:
+def explain_most(parameters: EpisodesParameters, outcome: Outcome, *, hidden: bool) -> str:
     """Returns what went wrong in most of the episodes that did not succeed."""
     wrong = [record for record, failed in zip(outcome.records, outcome.failed, strict=True) if failed]
     faults = [record.fault for record in wrong if record.fault is not None]
@@ -112,5 +128,20 @@ def explain_most(parameters: ControllerParameters, outcome: Outcome, *, hidden: 
         return f"{describe_fault(faults[0], hidden=hidden, several=True)}."
     if 2 * sum(record.lost_at_s is not None for record in wrong) >= len(wrong):
         return LOST
+    if 2 * sum(record.is_over for record in wrong) > len(wrong):
+        return OVER
     counts = Counter(goal for failed in outcome.failed for goal in failed)
     return FAILED[parameters.goals[counts.most_common(1)[0][0]].goal]
+
+
+def bound_luck(parameters: EpisodesParameters, problem: Problem) -> float:
+    """Returns a bound of the chance that a law which looks at nothing succeeds in the share of episodes that must: 0 if
+    none succeeds in any of those that are simulated."""
+    most, episodes = 0.0, len(problem.episodes)
+    simulated = min(EPISODES_OF_LUCK, episodes)
+    for _, law in list_constant_laws(problem, has_target=parameters.has_target):
+        records = [simulate_law(parameters, problem, index, law, problem.periods) for index in range(simulated)]
+        passed = sum(all(meets(goal, measure_goal(goal, one)) for goal in parameters.goals) for one in records)
+        if passed:
+            most = max(most, bound_success(passed, simulated, episodes, problem.case.share))
+    return most

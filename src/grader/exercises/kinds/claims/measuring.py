@@ -1,0 +1,228 @@
+"""Measures the claims of a case, as answer keys are: at the model's own timestep, at ever shorter ones until the limit
+is known, and from nudged starts. A run is shared by the claims that it serves, and what was measured is kept."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
+from typing import Any
+
+import numpy as np
+
+from grader.domain.lab import LabConfig, Readout, Slider
+from grader.errors import LabRefused
+from grader.exercises.kinds.claims.parameters import Claim, Experiment, Floats, Problem
+from grader.exercises.parameters import WrongParameter
+from grader.experiments.limits import UNCERTAINTY_SHARE, describe_noise, find_limit
+from grader.experiments.quantities import measure, read_trace
+from grader.experiments.regime import Unresolved, describe_reset
+from grader.experiments.runs import NUDGED, SAME, LabRun, Variant, VerifyError, run_experiment, to_number
+
+STEPS_MAX = 20_000
+"""Most steps at the model's own timestep in all runs of a case: seconds of computing, with those at shorter ones."""
+
+MEASURED_MAX = 64
+"""Cases whose measurements are kept."""
+
+KEYS = {"setup": "setup", "controller": "controller", "readouts": "expr", "controls": "x.apply"}
+
+Reader = Callable[[Variant], tuple[LabRun, Floats]]
+"""Returns the run of an experiment, and what its expressions gave: an array (frames, expressions)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What a claim should be, in its unit: `values`, one for each x of a curve, with the largest uncertainty, and `own`
+    at the model's own timestep. `trouble` is the key and the reason why it cannot be decided; empty where it can."""
+
+    values: Floats
+    uncertainty: float
+    own: Floats
+    trouble: tuple[str, str] | None = None
+
+
+def read_series(experiment: Experiment, exprs: Sequence[str], variant: Variant) -> tuple[LabRun, Floats]:
+    """Returns a run with a frame for every step, and what the expressions gave: (frames, expressions). Raises
+    Unresolved where MuJoCo reset the state, VerifyError and LabRefused where it cannot be carried out."""
+    return run_config(build_config(experiment, tuple(exprs)), experiment, variant)
+
+
+@lru_cache(maxsize=256)
+def build_config(experiment: Experiment, exprs: tuple[str, ...]) -> LabConfig:
+    """Returns an experiment as a lab with these readouts."""
+    apply, value = experiment.apply, experiment.value
+    sliders = () if apply is None else (Slider(label="x", min=value, max=value, value=value, apply=apply, init=True),)
+    return LabConfig(
+        xml=experiment.xml,
+        key=experiment.key,
+        setup=experiment.setup or None,
+        controller=experiment.controller,
+        controls=sliders,
+        readouts=tuple(Readout(label=text, expr=text) for text in exprs),
+    )
+
+
+def run_config(config: LabConfig, experiment: Experiment, variant: Variant) -> tuple[LabRun, Floats]:
+    """Returns the run of an experiment and its readouts, as `read_series` does."""
+    variant = replace(variant, every_step=True)
+    run = run_experiment(config, experiment.xml, seconds=experiment.seconds, variant=variant, keys=KEYS)
+    if run.warnings:
+        raise Unresolved("no reset", describe_reset(run))
+    return run, np.array([[to_number(value) for value in row] for row in run.rows])
+
+
+class Bench:
+    """The runs of a case, each made once. A run is shared by all claims with the same experiment."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self._exprs: dict[Experiment, list[str]] = {}
+        for claim in problem.claims:
+            for experiment in problem.list_experiments(claim):
+                exprs = self._exprs.setdefault(experiment, [])
+                exprs += [] if claim.expr in exprs else [claim.expr]
+        self.read = cache(self._read)
+        self.steps = 0
+
+    def _read(self, experiment: Experiment, variant: Variant) -> tuple[LabRun, Floats]:
+        run, series = read_series(experiment, self._exprs[experiment], variant)
+        if variant == SAME:
+            self.steps += run.steps
+            if self.steps > STEPS_MAX:
+                why = f"the runs of a case take more than {STEPS_MAX} steps of the model's timestep: measure less long"
+                raise VerifyError("seconds", why)
+        return run, series
+
+    def measure(
+        self, claim: Claim, experiment: Experiment, variant: Variant, at_s: float = 0.0
+    ) -> tuple[LabRun, float]:
+        """Returns a run, and the claim's number in it. Raises Unresolved where it has none."""
+        try:
+            run, series = self.read(experiment, variant)
+            column = series[:, self._exprs[experiment].index(claim.expr)]
+        except VerifyError as error:
+            if error.key != "expr":
+                raise
+            run, series = read_series(experiment, [claim.expr], variant)  # whose expression it is
+            column = series[:, 0]
+        value = read_value(claim, np.array(run.times), column, at_s)
+        if not np.isfinite(value):
+            raise Unresolved(
+                "finite", f"the run has no {claim.quantity.replace('_', ' ')}: make it longer, or mend expr"
+            )
+        return run, value
+
+
+def read_value(claim: Claim, times: Floats, values: Floats, at_s: float = 0.0) -> float:
+    """Returns the number of a claim in a series, in its unit; NaN where the series does not have it. `at_s` is the
+    moment of a trace."""
+    if claim.quantity == "trace":
+        return claim.scale * float(read_trace(times, values, np.array([at_s]))[0])
+    return claim.scale * measure(claim.quantity, times, values, claim)
+
+
+def list_points(problem: Problem, claim: Claim) -> list[tuple[Experiment, float]]:
+    """Returns the run and the moment of each number of a claim."""
+    experiments = problem.list_experiments(claim)
+    if claim.quantity == "trace":
+        return [(experiments[0], at_s) for at_s in problem.x]
+    return [(experiment, 0.0) for experiment in experiments]
+
+
+def measure_own(bench: Bench, index: int) -> Floats:
+    """Returns the numbers of a claim at the model's own timestep. Raises as `Bench.measure` does."""
+    claim = bench.problem.claims[index]
+    points = list_points(bench.problem, claim)
+    return np.array([bench.measure(claim, one, SAME, at_s)[1] for one, at_s in points])
+
+
+def rehearse_claims(problem: Problem) -> None:
+    """Raises WrongParameter where a claim has no number at the model's own timestep."""
+    bench = Bench(problem)
+    for index in range(len(problem.claims)):
+        try:
+            measure_own(bench, index)
+        except (Unresolved, LabRefused, VerifyError) as error:
+            raise WrongParameter(*place_error(index, error)) from error
+
+
+def measure_claims(problem: Problem) -> tuple[Measured, ...]:
+    """Returns what every claim of a case should be; kept for equal cases."""
+    return _measure_kept(Kept(problem, (problem.claims, problem.axis, problem.seconds, problem.xml, problem.x,
+                                        repr(sorted(problem.start.items())))))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A problem, compared by what it holds."""
+
+    problem: Problem
+    key: tuple[Any, ...]
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Kept) and self.key == other.key
+
+
+@lru_cache(maxsize=MEASURED_MAX)
+def _measure_kept(kept: Kept) -> tuple[Measured, ...]:
+    bench = Bench(kept.problem)
+    return tuple(measure_claim(bench, index) for index in range(len(kept.problem.claims)))
+
+
+def measure_claim(bench: Bench, index: int) -> Measured:
+    """Returns what one claim should be, with the trouble if there is any."""
+    claim = bench.problem.claims[index]
+    points = list_points(bench.problem, claim)
+    nothing = np.full(len(points), np.nan)
+    own = nothing
+    try:
+        own = measure_own(bench, index)
+        allowed = claim.allow(own)
+        if claim.timestep == "given":
+            return measure_given(bench, index, own, allowed)
+        limits = [
+            find_limit(
+                lambda variant, one=one, at_s=at_s: bench.measure(claim, one, variant, at_s),  # type: ignore[misc]
+                UNCERTAINTY_SHARE * allowed,
+                to_the_end=claim.quantity == "final",
+                fastest=claim.fastest,
+            )
+            for one, at_s in points
+        ]
+    except (Unresolved, LabRefused, VerifyError) as error:
+        return Measured(nothing, 0.0, own, place_error(index, error))
+    worst = max(limits, key=lambda one: one.uncertainty)
+    values = np.array([one.value for one in limits])
+    trouble = explain_doubt(index, worst.uncertainty, allowed, worst.cure)
+    if trouble is None and claim.timestep == "both" and (off := float(np.abs(own - values).max())) > allowed:
+        why = (
+            f"the run at the model's own timestep is off by {off:.3g}, and {allowed:.3g} is allowed: shorten the "
+            "model's timestep, raise rtol or tol, or write timestep any, or given for a claim about the discretisation"
+        )
+        trouble = f"claims.{index}.timestep", why
+    return Measured(values, worst.uncertainty, own, trouble)
+
+
+def measure_given(bench: Bench, index: int, own: Floats, allowed: float) -> Measured:
+    """Returns a claim about the discretisation itself: only nudged starts are varied. Raises as `Bench.measure`."""
+    claim = bench.problem.claims[index]
+    points = list_points(bench.problem, claim)
+    nudged = [[bench.measure(claim, one, variant, at_s)[1] for one, at_s in points] for variant in NUDGED]
+    noise = float(np.abs(np.array(nudged) - own).max())
+    return Measured(own, noise, own, explain_doubt(index, noise, allowed, describe_noise(noise)))
+
+
+def explain_doubt(index: int, uncertainty: float, allowed: float, cure: str) -> tuple[str, str] | None:
+    """Returns the trouble of a claim that is not known to a fifth of its tolerance."""
+    if uncertainty <= UNCERTAINTY_SHARE * allowed:
+        return None
+    known = f"it is known to {uncertainty:.2g} only, more than a fifth of what is allowed, {allowed:.2g}"
+    return f"claims.{index}", f"{known}: {cure}"
+
+
+def place_error(index: int, error: Exception) -> tuple[str, str]:
+    """Returns the key of the exercise for an error of a run, and the reason."""
+    key = error.key if isinstance(error, VerifyError) else "verify"
+    return key if key in ("x.apply", "seconds") else f"claims.{index}.{key}".removesuffix(".verify"), str(error)

@@ -1,0 +1,119 @@
+"""Names the mistake behind wrong claims: the rule whose wrong values a learner's are, in every case that failed."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from grader.exercises.kind import JudgedTrial
+from grader.exercises.kinds.claims.judge import Comparison, Outcome, capitalize
+from grader.exercises.kinds.claims.parameters import Floats, Problem
+from grader.exercises.kinds.claims.rules import RULES
+from grader.exercises.kinds.claims.wrong_values import Scene
+
+Judged = JudgedTrial[Problem, Outcome]
+
+NEAR_SHARE = 0.05
+"""How near a claim must be to a wrong value that is much smaller than the right one, as a share of the wrong value:
+else, and in proportion, as near as a right claim to the right value."""
+
+POINTS_MIN = 2
+"""Points of a curve at which a wrong value must be known."""
+
+FIGURES_ROUGH = 3
+"""Significant figures up to which a number counts as rounded."""
+
+SAME_EVERYWHERE = "{label} is the same in every case: measure it on the model and from the start that you are given."
+SAME_FOR_ALL_X = "{label} is the same for every x: use x."
+ROUNDED = "{label} is rounded too coarsely: return it as it was measured."
+
+
+def name_the_mistake(judged: Sequence[Judged]) -> str | None:
+    """Returns the sentence of the first wrong claim that a rule explains in every case in which it is wrong."""
+    failed = [
+        (one, comparison)
+        for one in judged
+        for comparison in one.judgement.outcome or ()
+        if comparison.why and comparison.values is not None
+    ]
+    names = list(dict.fromkeys(comparison.claim.name for _, comparison in failed))
+    for name in names:
+        mine = [(one.trial.problem, comparison) for one, comparison in failed if comparison.claim.name == name]
+        template = explain_simply(judged, name) or explain_by_rules(judged, mine)
+        if template is not None:
+            return template.replace("{label}", capitalize(mine[0][1].claim.label))
+    return None
+
+
+def explain_simply(judged: Sequence[Judged], name: str) -> str | None:
+    """Returns the sentence of a claim that is the same in every case or for all x, or rounded."""
+    every = [one for trial in judged for one in trial.judgement.outcome or () if one.claim.name == name]
+    given = [one.values for one in every if one.values is not None]
+    rights = [one.measured.values for one in every if one.values is not None]
+    wrong = [one for one in every if one.why and one.values is not None]
+    if all(map(is_rounded, wrong)):
+        return ROUNDED
+    if (
+        len(given) > 1
+        and all(np.array_equal(one, given[0]) for one in given)
+        and not all(np.allclose(right, rights[0], rtol=1e-3) for right in rights)
+    ):
+        return SAME_EVERYWHERE
+    if wrong[0].claim.form == "curve" and all(np.ptp(one.values) == 0 for one in wrong):  # type: ignore[arg-type]
+        return SAME_FOR_ALL_X if any(len(one.measured.values) > 1 for one in wrong) else None
+    return None
+
+
+def is_rounded(one: Comparison) -> bool:
+    """Whether every number of a claim is the measured one, rounded to a few significant figures."""
+    assert one.values is not None
+    if one.claim.form == "interval":
+        return False
+    return any(
+        all(
+            got == float(f"{right:.{figures}g}")
+            for got, right in zip(one.values.tolist(), one.measured.values.tolist(), strict=True)
+        )
+        for figures in range(1, FIGURES_ROUGH + 1)
+    )
+
+
+def explain_by_rules(judged: Sequence[Judged], wrong: Sequence[tuple[Problem, Comparison]]) -> str | None:
+    """Returns the sentence of the first rule that gives the claim in every case in which it is wrong."""
+    scenes = [(build_scene(judged, problem, one), one) for problem, one in wrong]
+    for index in range(len(RULES)):
+        (first, one), *others = scenes
+        for sentence in list_matching(first, one, index):
+            if all(sentence in list_matching(scene, other, index) for scene, other in others):
+                return sentence
+    return None
+
+
+def build_scene(judged: Sequence[Judged], problem: Problem, one: Comparison) -> Scene:
+    """Returns the scene of a wrong claim."""
+    outcome = next(trial.judgement.outcome for trial in judged if trial.trial.problem is problem)
+    return Scene(problem, one.claim, one.measured, tuple(each.measured.values for each in outcome))
+
+
+def list_matching(scene: Scene, one: Comparison, index: int) -> Iterator[str]:
+    """Yields the sentences of a rule whose wrong values are the learner's."""
+    for sentence, values in RULES[index](scene):
+        if values is not None and is_near(one, values):
+            yield sentence
+
+
+def is_near(one: Comparison, wrong: Floats) -> bool:
+    """Whether a claim is a wrong value, which is not right itself. An interval is one that holds it. Of a curve the
+    points count at which the wrong value is known."""
+    right, allowed = one.measured.values, one.allowed
+    known = np.isfinite(wrong)
+    if one.values is None or wrong.shape != right.shape or known.sum() < min(len(right), POINTS_MIN):
+        return False
+    if float(np.abs(wrong - right)[known].max()) <= allowed:
+        return False
+    if one.claim.form == "interval":
+        low, high = one.values.tolist()
+        return bool(low <= wrong[0] <= high and not low <= right[0] <= high)
+    sizes = [float(np.abs(values[known]).max()) for values in (wrong, right)]
+    scaled = sizes[0] / sizes[1] if sizes[1] > 0 else 1.0
+    slack = max(allowed * scaled, min(allowed, NEAR_SHARE * sizes[0]))
+    return bool(np.abs(one.values - wrong)[known].max() <= slack)

@@ -1,0 +1,208 @@
+"""Judges what was measured of a model against the reference, goal by goal."""
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grader.exercises.judgement import Judgement, Part, Results
+from grader.exercises.kinds.model.parameters import Goal, Problem, list_asked_names
+
+LINE = re.compile(r"\bline (\d{1,6})\b")
+FIGURES = 5
+FAULTS_MAX = 3
+"""Most expressions of a goal that its finding says something of."""
+SHOWN_MAX = 6
+"""Most numbers of a value that are shown."""
+NOISE = 1e-7
+"""Numbers that are smaller, relative to the largest of the run, are shown as 0."""
+CODE = re.compile(r"\.(?:integrator|cone|solver|jacobian|\w*type)\b")
+"""Expressions whose numbers stand for names, so that none is larger than another."""
+QUATERNION = re.compile(r"quat\b")
+"""Expressions whose sign does not matter: q and -q are the same rotation."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was measured: of each goal the values of the student's model, as the measuring program reports them; the
+    `geoms` of both models; and `error`, why MuJoCo could not compile the student's."""
+
+    goals: Sequence[Mapping[str, Any]] = ()
+    geoms: Sequence[Any] = ()
+    reference_geoms: Sequence[Any] = ()
+    error: str = ""
+    missing: Sequence[str] = ()
+
+    @property
+    def line(self) -> int | None:
+        """The line of the model that MuJoCo's message names."""
+        found = LINE.search(self.error)
+        return int(found[1]) if found else None
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One expression of a goal: what is wrong with it, empty if nothing is, and its values for the finding."""
+
+    fault: str = ""
+    measured: Any = None
+    expected: Any = None
+    missing: tuple[str, ...] = field(default=())
+
+
+def judge_model(problem: Problem, results: Results) -> Judgement[Outcome]:
+    """Returns the judgement on one case. Raises ValueError where the reference itself cannot be measured, which is a
+    fault of the author's."""
+    report = json.loads(results["report"].tobytes())
+    made, reference = report["model"], report["reference"]
+    if "error" in reference:
+        raise ValueError(f"the reference cannot be measured: {reference['error']}")
+    if "error" in made:
+        error = " ".join(str(made["error"]).split())
+        return Judgement(False, f"MuJoCo cannot compile the model: {error}", Outcome(error=error))
+    parts, missing = list[Part](), list[str]()
+    for index, goal in enumerate(problem.case.goals):
+        mine, its = made["goals"][index], reference["goals"][index]
+        compared = dict(compare_goal(goal, mine, its, made["names"]))
+        missing += [one for each in compared.values() for one in each.missing]
+        parts.append(judge_goal(goal, str(index + 1), compared, runs=problem.case.seconds > 0))
+    outcome = Outcome(made["goals"], made["geoms"], reference["geoms"], missing=tuple(dict.fromkeys(missing)))
+    message = next((part.message for part in parts if not part.passed), "The model is as it should be.")
+    return Judgement(all(part.passed for part in parts), message, outcome, parts=tuple(parts))
+
+
+def judge_goal(goal: Goal, id_: str, compared: Mapping[str, Compared], *, runs: bool) -> Part:
+    """Returns the finding of one goal; `runs` is whether its values are those at the end of a run."""
+    wrong = {name: one for name, one in compared.items() if one.fault}
+    faults = list(dict.fromkeys(one.fault for one in wrong.values()))
+    more = f"({len(faults) - FAULTS_MAX} more)" if len(faults) > FAULTS_MAX else ""
+    message = " ".join(filter(None, [*faults[:FAULTS_MAX], more])) or "As it should be."
+    shown = dict(list((wrong or compared).items())[:FAULTS_MAX])
+    measured, expected = (
+        "; ".join(f"{name} = {write_value(value)}" for name, value in values.items() if value is not None)
+        for values in (
+            {name: one.measured for name, one in shown.items()},
+            {name: one.expected for name, one in shown.items()},
+        )
+    )
+    detail = f"In yours{' at the end' if runs else ''}: {measured}." if wrong and measured else ""
+    title = goal.title or ", ".join(compared)
+    return Part(id_, title, not wrong, message, detail, measured or None, expected or None, goal.points)
+
+
+def compare_goal(
+    goal: Goal, mine: Mapping[str, Any], its: Mapping[str, Any], names: Mapping[str, Sequence[str]]
+) -> Iterator[tuple[str, Compared]]:
+    """Yields each expression of a goal with what is wrong."""
+    for expression in goal.same:
+        one, other = mine["same"][expression], its["same"][expression]
+        if "values" not in other:
+            raise ValueError(f"the reference has no {expression}: {other}")
+        found = compare_same(goal, expression, one, other)
+        if not found.fault and mine["half"]:
+            halves = compare_same(goal, expression, mine["half"][expression], its["half"][expression])
+            if halves.fault:
+                found = Compared(f"With half the timestep, {halves.fault[0].lower()}{halves.fault[1:]}")
+        yield expression, explain_missing(expression, one, names) or found
+    for expression, allowed in goal.within.items():
+        one, other = mine["within"][expression], its["within"][expression]
+        if compare_range(goal, expression, other, allowed).fault:
+            raise ValueError(f"the reference itself is out of the range of {expression}: {other}")
+        found = compare_range(goal, expression, one, allowed)
+        yield expression, explain_missing(expression, one, names) or found
+
+
+def explain_missing(expression: str, one: Mapping[str, Any], names: Mapping[str, Sequence[str]]) -> Compared | None:
+    """Returns the fault of an expression that asks for an element which the model lacks; None where it does not."""
+    if "missing" not in one:
+        return None
+    name = str(one["missing"])
+    kind = next((kind for kind, asked in list_asked_names(expression) if asked == name), "")
+    kind = kind or next(iter(kind for kind in ("joint", "actuator") if name not in names[kind]), "element")
+    there = names.get(kind, ())
+    fault = f"The model has no {kind} {name!r}"
+    if near := get_close_matches(name, [*filter(None, there)], 1):
+        fault += f", but one named {near[0]!r}"
+    elif "" in there:
+        fault += f', but {"an" if kind[:1] in "aeiou" else "a"} {kind} without a name: write name="{name}"'
+    return Compared(f"{fault}.", missing=(name,))
+
+
+def compare_same(goal: Goal, expression: str, one: Mapping[str, Any], other: Mapping[str, Any]) -> Compared:
+    """Returns how the values of an expression differ from those of the reference."""
+    its = read_values(other)
+    if "values" not in one:
+        return Compared(f"{expression} cannot be had: {one.get('raised', 'it is missing')}.", None, shorten(its))
+    mine = read_values(one)
+    measured, expected = shorten(mine), shorten(its)
+    if "lost" in one and "lost" not in other:
+        return Compared("The simulation blows up, and MuJoCo gives it up.", None, expected)
+    if mine is None or its is None or mine.shape != its.shape:
+        return Compared(f"{expression} has another number of values.", measured, expected)
+    scale = float(np.nanmax(np.abs(its), initial=0.0))
+    signs = (1, -1) if QUATERNION.search(expression) else (1,)
+    errors = [np.abs(sign * mine - its) for sign in signs]
+    error = min(errors, key=lambda each: float(np.nan_to_num(each, nan=np.inf).max(initial=0.0)))
+    if bool(np.all(error <= goal.atol + goal.rtol * scale)):
+        return Compared("", measured, expected)
+    return Compared(describe_difference(expression, mine, its), measured, expected)
+
+
+def describe_difference(expression: str, mine: NDArray[np.float64], its: NDArray[np.float64]) -> str:
+    """Returns in which way values differ from those of the reference."""
+    if len(its) > 1 and bool(np.any(its != its[0])):
+        return f"{expression} moves otherwise."
+    mine, its = mine[-1:], its[-1:]
+    if its.size == 1 and not CODE.search(expression):
+        way = "larger" if float(mine.flat[0]) > float(its.flat[0]) else "smaller"
+        return f"{expression} is {way} than it should be."
+    return f"{expression} is not what it should be."
+
+
+def compare_range(goal: Goal, expression: str, one: Mapping[str, Any], allowed: Sequence[float]) -> Compared:
+    """Returns whether the values of an expression are within a range."""
+    low, high = allowed
+    if "values" not in one:
+        return Compared(f"{expression} cannot be had: {one.get('raised', 'it is missing')}.", None, [low, high])
+    values = read_values(one)
+    if "lost" in one or values is None or not values.size:
+        return Compared("The simulation blows up, and MuJoCo gives it up.", None, [low, high])
+    looked = values if goal.when == "always" else values[-1:]
+    if bool(np.all((looked >= low) & (looked <= high))):
+        return Compared("", shorten(looked), [low, high])
+    way = "too large" if bool(np.any(looked > high)) else "too small"
+    when = "at some time" if goal.when == "always" and len(looked) > 1 else "at the end" if len(values) > 1 else ""
+    worst = looked.max() if way == "too large" else looked.min()
+    return Compared(f"{expression} is {way} {when}".rstrip() + ".", float(f"{worst:.{FIGURES}g}"), [low, high])
+
+
+def read_values(one: Mapping[str, Any]) -> NDArray[np.float64] | None:
+    """Returns the values at the moments of a run (n, numbers), NaN for what is not finite; None where they are no such
+    table."""
+    try:
+        values = np.array(one["values"], dtype=np.float64)
+    except (KeyError, TypeError, ValueError):
+        return None
+    return values.reshape(len(values), -1)
+
+
+def shorten(values: NDArray[np.float64] | None) -> Any:
+    """Returns the last values as plain JSON: a number, or a list of the first few."""
+    if values is None or not values.size:
+        return None
+    least = NOISE * float(np.nanmax(np.abs(values), initial=0.0))
+    last = [one if abs(one) > least or not np.isfinite(one) else 0.0 for one in values[-1][:SHOWN_MAX].tolist()]
+    numbers = [float(f"{one:.{FIGURES}g}") if np.isfinite(one) else None for one in last]
+    return numbers[0] if len(numbers) == 1 else numbers
+
+
+def write_value(value: Any) -> str:
+    """Returns a value as a finding shows it."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(write_value, value))}]"
+    return "not finite" if value is None else f"{value:.4g}"

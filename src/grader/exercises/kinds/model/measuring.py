@@ -1,0 +1,173 @@
+"""Compiles a model and measures it. This file is the text of the measuring program, which runs in a process of the jail
+of its own: NumPy, MuJoCo and the standard library alone. No code of the student's runs there."""
+
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+READS_FILES = re.compile(r"<\s*(?:include|extension)\b|\bfile\w*\s*=", re.IGNORECASE)
+"""Anywhere in the text, in a comment as well: what is a comment is MuJoCo's to say."""
+NO_FILES = 'A model that is handed in reads no file: leave out <include>, <extension>, and every file="...".'
+
+SAMPLES = 64
+"""Moments of a run at which its expressions are evaluated, beside the first."""
+NUMBERS_MAX = 64
+"""Most numbers of an expression at one moment."""
+NAMES_MAX = 200
+NOTHING: Any = None
+GEOMS_MAX = 200
+DRAWN_GROUP_MAX = 2
+"""Geoms of higher groups are not drawn. Source: the default of mjvOption.geomgroup."""
+
+BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+NAMED = {
+    "body": mujoco.mjtObj.mjOBJ_BODY, "joint": mujoco.mjtObj.mjOBJ_JOINT, "geom": mujoco.mjtObj.mjOBJ_GEOM,
+    "site": mujoco.mjtObj.mjOBJ_SITE, "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
+    "sensor": mujoco.mjtObj.mjOBJ_SENSOR, "tendon": mujoco.mjtObj.mjOBJ_TENDON,
+}  # fmt: skip
+"""The elements whose names are told, in the singular as in `model.body("arm")`."""
+
+
+def measure(inputs: Mapping[str, Any], results: Mapping[str, Any], submit: Callable[[str, Any], None]) -> None:
+    """Submits what is measured of the student's model and of the reference, as JSON."""
+    text = bytes(results["mjcf"]).decode(errors="replace")
+    report = {"model": describe(text, inputs), "reference": describe(inputs["reference"], inputs)}
+    submit("report", np.frombuffer(json.dumps(report).encode(), dtype=np.uint8))
+
+
+def describe(text: str, inputs: Mapping[str, Any], *, halved: bool = True) -> dict[str, Any]:
+    """Returns `error`, why the text cannot be compiled; or `goals`, for each goal the values of its expressions, the
+    `names` of the elements, and the `geoms` where the case begins. With `halved` runs are made with half the timestep
+    as well."""
+    if READS_FILES.search(text):
+        return {"error": NO_FILES}
+    try:
+        model = mujoco.MjModel.from_xml_string(text)
+    except (ValueError, mujoco.FatalError) as error:
+        return {"error": str(error)[:400]}
+    names = {kind: list_names(model, which) for kind, which in NAMED.items()}
+    mujoco.mj_resetCallbacks()
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    goals = [dict[str, Any](same={}, half={}, within={}) for _ in inputs["goals"]]
+    runs = {"same": inputs["timestep"], "half": inputs["timestep"] / 2} if inputs["seconds"] else {"same": None}
+    geoms: list[Any] = []
+    for part, timestep_s in runs.items():
+        if part == "half" and not halved:
+            break
+        moments = [*simulate(model, inputs, timestep_s)]
+        for goal, found in zip(inputs["goals"], goals, strict=True):
+            for expression in goal["same"]:
+                found[part][expression] = collect(moments, expression)
+            for expression in goal["within"] if part == "same" else ():
+                found["within"][expression] = collect(moments, expression)
+        geoms = geoms or moments[0].get(GEOMS, [])
+    return {"goals": goals, "names": names, "geoms": geoms}
+
+
+GEOMS = "geoms of the first moment"
+
+
+def simulate(model: mujoco.MjModel, inputs: Mapping[str, Any], timestep_s: float | None) -> Iterator[dict[str, Any]]:
+    """Yields the values of all expressions at the moments of a run, the first where the case begins. A run that MuJoCo
+    gives up ends early, with the word `lost`."""
+    data = mujoco.MjData(model)
+    missing = place(model, data, inputs)
+    codes = {
+        one: compile(one, "<goal>", "eval") for goal in inputs["goals"] for one in (*goal["same"], *goal["within"])
+    }
+    if missing:
+        yield dict.fromkeys(codes, missing)
+        return
+    own_s = model.opt.timestep
+    model.opt.timestep = timestep_s or own_s
+    mujoco.mj_forward(model, data)
+    model.opt.timestep = own_s  # an expression may ask for it
+    steps = round(inputs["seconds"] / timestep_s) if timestep_s else 0
+    every = max(1, steps // SAMPLES)
+    yield {GEOMS: list_geoms(model, data), **evaluate_all(model, data, codes)}
+    for _ in range(steps // every):
+        model.opt.timestep = timestep_s or own_s
+        mujoco.mj_step(model, data, nstep=every)
+        lost = any(data.warning[one].number for one in BAD)
+        if not lost:
+            mujoco.mj_forward(model, data)
+        model.opt.timestep = own_s
+        yield {"lost": data.time} if lost else evaluate_all(model, data, codes)
+        if lost:
+            return
+
+
+def place(model: mujoco.MjModel, data: mujoco.MjData, inputs: Mapping[str, Any]) -> dict[str, str] | None:
+    """Sets the start and the controls of the case; returns what the model lacks for it."""
+    try:
+        for name, value in inputs["start"].items():
+            data.joint(name).qpos[:] = value
+        for name, value in inputs["start_velocity"].items():
+            data.joint(name).qvel[:] = value
+        for name, value in inputs["ctrl"].items():
+            data.actuator(name).ctrl[:] = value
+    except KeyError:
+        return {"missing": name}
+    return None
+
+
+def evaluate_all(model: mujoco.MjModel, data: mujoco.MjData, codes: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the value of each expression: a number, a list of numbers, or what the model lacks for it."""
+    return {expression: evaluate(model, data, code) for expression, code in codes.items()}
+
+
+def evaluate(model: mujoco.MjModel, data: mujoco.MjData, code: Any) -> Any:
+    """Returns the value of one expression of the author's."""
+    try:
+        value = np.asarray(eval(code, {"model": model, "data": data, "mujoco": mujoco, "np": np}), dtype=float)  # noqa: S307
+    except KeyError as error:
+        named = re.search(r"Invalid name '(.*?)'", str(error))
+        return {"missing": named[1] if named else str(error)[:100]}
+    except Exception as error:
+        return {"raised": f"{type(error).__name__}: {error}"[:200]}
+    if value.size > NUMBERS_MAX:
+        return {"raised": f"more than {NUMBERS_MAX} numbers"}
+    return plain(value)
+
+
+def plain(value: Any) -> Any:
+    """Returns numbers as JSON has them: None for what is not finite."""
+    numbers: Any = np.asarray(value, dtype=object)
+    return np.where(np.isfinite(value), numbers, NOTHING).tolist()
+
+
+def collect(moments: list[dict[str, Any]], expression: str) -> dict[str, Any]:
+    """Returns the values of an expression at all moments of a run; what is missing, if anything is."""
+    lost = next((one["lost"] for one in moments if "lost" in one), None)
+    values = [one[expression] for one in moments if expression in one]
+    fault = next((one for one in values if isinstance(one, dict)), None)
+    return fault or {"values": values, **({} if lost is None else {"lost": lost})}
+
+
+def list_names(model: mujoco.MjModel, kind: Any) -> list[str]:
+    """Returns the names of the elements of a kind, empty for one without."""
+    count = {
+        mujoco.mjtObj.mjOBJ_BODY: model.nbody, mujoco.mjtObj.mjOBJ_JOINT: model.njnt,
+        mujoco.mjtObj.mjOBJ_GEOM: model.ngeom, mujoco.mjtObj.mjOBJ_SITE: model.nsite,
+        mujoco.mjtObj.mjOBJ_ACTUATOR: model.nu, mujoco.mjtObj.mjOBJ_SENSOR: model.nsensor,
+        mujoco.mjtObj.mjOBJ_TENDON: model.ntendon,
+    }[kind]  # fmt: skip
+    return [(mujoco.mj_id2name(model, kind, at) or "")[:100] for at in range(min(count, NAMES_MAX))]
+
+
+def list_geoms(model: mujoco.MjModel, data: mujoco.MjData) -> list[dict[str, Any]]:
+    """Returns the geoms that are drawn: type, sizes, place and rotation matrix by rows. A mesh is its bounding box."""
+    shown = [one for one in range(model.ngeom) if model.geom_group[one] <= DRAWN_GROUP_MAX][:GEOMS_MAX]
+    geoms = []
+    for at in shown:
+        kind = mujoco.mjtGeom(int(model.geom_type[at])).name.removeprefix("mjGEOM_").lower()
+        size = model.geom_aabb[at, 3:] if kind in ("mesh", "hfield", "sdf") else model.geom_size[at]
+        numbers = np.concatenate([size, data.geom_xpos[at], data.geom_xmat[at]])
+        if np.all(np.isfinite(numbers)):
+            rounded = np.round(numbers, 5).tolist()
+            geoms.append({"type": kind, "size": rounded[:3], "at": rounded[3:6], "turned": rounded[6:]})
+    return geoms

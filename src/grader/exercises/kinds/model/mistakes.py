@@ -1,0 +1,79 @@
+"""Names the mistake behind a wrong model: variants of the reference, each with one mistake, are measured in the jail,
+and one that does what the student's model does tells which it is."""
+
+import re
+from collections.abc import Callable, Sequence
+from functools import cache
+from inspect import getsource
+from itertools import islice
+
+from grader.domain.run import Job, Limits, RunReport, RunStatus
+from grader.exercises.driving.embedding import compile_code
+from grader.exercises.kind import JudgedTrial, Mistake
+from grader.exercises.kinds.model import matching, measuring
+from grader.exercises.kinds.model.judge import Outcome
+from grader.exercises.kinds.model.parameters import Problem
+from grader.exercises.kinds.model.variants import Variant, list_variants
+
+DRIVER = 'exec(codes["measuring"])\nexec(codes["matching"])\n'
+LIMITS = Limits(cpu_s=20, wall_s=60, memory_mb=512)
+
+VARIANTS_MAX = 400
+"""Variants of a reference that are measured: 0.2 s of CPU time of a model of ten elements."""
+STEPS_MAX = 400_000
+"""Steps that all variants may take together: 2 s of CPU time of a small model. Counted, so that load changes no
+verdict."""
+
+SAME_MODEL = "The model does not depend on all of the numbers that the function gets."
+
+Judged = Sequence[JudgedTrial[Problem, Outcome]]
+
+
+def name_plain_mistake(judged: Judged) -> Mistake | None:
+    """Returns why the model cannot be compiled, with the line."""
+    outcome = next((one.judgement.outcome for one in judged if one.judgement.outcome.error), None)
+    return None if outcome is None else Mistake(f"MuJoCo cannot compile the model: {outcome.error}", outcome.line)
+
+
+def find_mistake(judged: Judged, run: Callable[[Job], RunReport]) -> Mistake | None:
+    """Returns the mistake of the first variant that is like the student's model in every trial. Raises JailFault."""
+    if not judged or any(one.judgement.outcome.error or one.judgement.outcome.missing for one in judged):
+        return None
+    texts = list(dict.fromkeys(one.trial.problem.reference for one in judged))
+    steps = sum(round(one.trial.problem.case.seconds / one.trial.problem.measured["timestep"]) for one in judged)
+    most = min(VARIANTS_MAX, STEPS_MAX // steps) if steps else VARIANTS_MAX
+    catalogues = [list(islice(list_variants(text), most)) for text in texts]
+    if len({len(one) for one in catalogues}) != 1:
+        return None
+    rows = list(zip(*catalogues, strict=True))
+    if len(texts) > 1:
+        rows.insert(0, (Variant(texts[0], SAME_MODEL),) * len(texts))
+    trials = [
+        {**one.trial.problem.measured, "text": texts.index(one.trial.problem.reference),
+         "found": one.judgement.outcome.goals}
+        for one in sorted(judged, key=lambda each: each.trial.problem.case.seconds)
+    ]  # fmt: skip
+    inputs = {"trials": trials, "variants": [[variant.xml for variant in row] for row in rows]}
+    report = run(Job("", DRIVER, inputs, LIMITS, codes=compile_codes()))
+    if report.status is not RunStatus.RETURNED or "match" not in report.results:
+        return None
+    match = int(report.results["match"])
+    if not 0 <= match < len(rows):
+        return None
+    variant = rows[match][0]
+    return Mistake(variant.sentence, find_line(judged[0].script.source, variant))
+
+
+@cache
+def compile_codes() -> dict[str, bytes]:
+    """Returns the code of the job."""
+    return {name: compile_code(getsource(one)) for name, one in (("measuring", measuring), ("matching", matching))}
+
+
+def find_line(source: str, variant: Variant) -> int | None:
+    """Returns the line of an MJCF text that has the element of a variant, by its name; None where it has none."""
+    if not variant.name:
+        return None
+    tag, name = (re.escape(one) for one in (variant.tag, variant.name))
+    found = re.search(rf"<{tag}\s(?:[^<>]*\s)?name\s*=\s*[\"']{name}[\"']", source)
+    return None if found is None else source.count("\n", 0, found.start()) + 1

@@ -1,0 +1,25 @@
+"""The geoms of both models, where the visible cases begin."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from grader.exercises.kind import JudgedTrial
+from grader.exercises.kinds.model.judge import Outcome
+from grader.exercises.kinds.model.parameters import Problem
+
+SCENES_MAX = 3
+
+
+def build_scenes(visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
+    """Returns `models`, the geoms of the student's model, and `references`, those of the author's, of the first cases
+    with another start. Failed cases come first."""
+    chosen: list[JudgedTrial[Problem, Outcome]] = []
+    for one in sorted(visible, key=lambda each: each.judgement.passed):
+        outcome = one.judgement.outcome
+        if outcome.geoms and all(outcome.geoms != other.judgement.outcome.geoms for other in chosen):
+            chosen.append(one)
+    chosen = chosen[:SCENES_MAX]
+    return {
+        "models": [{"case": one.trial.id, "geoms": [*one.judgement.outcome.geoms]} for one in chosen],
+        "references": [{"case": one.trial.id, "geoms": [*one.judgement.outcome.reference_geoms]} for one in chosen],
+    }

@@ -1,0 +1,317 @@
+"""Variants of a reference, each with one mistake that people make in MJCF. Each edits the text of the author's own
+model, so that what a mistake gives is measured and not guessed."""
+
+import copy
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import pi
+
+from grader.exercises.kinds.model.slips import (
+    ADVICE,
+    SHAPES,
+    Change,
+    become,
+    change_axis,
+    do_all,
+    do_either,
+    drop,
+    hide,
+    multiply,
+    negate,
+    put,
+    put_into,
+    read,
+    remove_hidden,
+    rotate,
+    scale_angles,
+    shift,
+    shift_inertia,
+    swap_ends,
+)
+
+Element = ET.Element
+LENGTHS = ("pos", "size", "fromto")
+ACTUATORS = ("motor", "position", "velocity", "general", "damper", "intvelocity")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A model with one mistake, the sentence for who makes it, and the element that it is about, if it is one."""
+
+    xml: str
+    sentence: str
+    tag: str = ""
+    name: str = ""
+
+
+class Reference:
+    """The reference as a tree, whose elements are known by their place."""
+
+    def __init__(self, text: str) -> None:
+        self.root = ET.fromstring(text)  # noqa: S314 - the author's own file
+        self.elements = list(self.root.iter())
+        self.parents = {child: parent for parent in self.elements for child in parent}
+
+    def find(self, *tags: str) -> list[Element]:
+        """Returns the elements of these tags, in the order of the text."""
+        return [one for one in self.elements if one.tag in tags]
+
+    def label(self, element: Element) -> str:
+        """Returns what an element is called in a sentence: by its name, or by the body that it is in."""
+        if name := element.get("name"):
+            return f'the {element.tag} "{name}"'
+        body = self.parents.get(element)
+        if body is not None and body.tag == "body" and body.get("name"):
+            return f'the {element.tag} of the body "{body.get("name")}"'
+        if element.tag == "inertial" or body is None:
+            return f"the {element.tag}"
+        joint = element.get("joint") or element.get("tendon") or element.get("site")
+        return f'the {element.tag} on "{joint}"' if joint else f"a {element.tag}"
+
+    def edit(self, change: Change, elements: Sequence[Element], sentence: str) -> Iterator[Variant]:
+        """Yields the model with a change of all of these elements, if there was something to change."""
+        places = [self.elements.index(one) for one in elements]
+        root = copy.deepcopy(self.root)
+        edited = list(root.iter())
+        done = [change(edited[place]) for place in places]
+        if any(done):
+            remove_hidden(root)
+            one = elements[0] if len(elements) == 1 else None
+            named = ("", "") if one is None else (one.tag, one.get("name", ""))
+            yield Variant(ET.tostring(root, encoding="unicode"), sentence, *named)
+
+    def move_up(self, body: Element, by: Sequence[float]) -> str:
+        """Returns the text in which a body hangs on the parent of its parent, its pos moved by these numbers."""
+        root = copy.deepcopy(self.root)
+        edited = list(root.iter())
+        parents = {child: one for one in edited for child in one}
+        moved = edited[self.elements.index(body)]
+        parents[moved].remove(moved)
+        parents[parents[moved]].append(moved)
+        shift("pos", by)(moved)
+        return ET.tostring(root, encoding="unicode")
+
+    def edit_each(self, change: Change, elements: Sequence[Element], sentence: str) -> Iterator[Variant]:
+        """Yields the model with a change of each element alone; `{}` of the sentence becomes what it is called."""
+        for one in elements:
+            said = sentence.format(self.label(one))
+            yield from self.edit(change, [one], said[0].upper() + said[1:])
+
+    def edit_both(self, change: Change, elements: Sequence[Element], sentence: str, each: str) -> Iterator[Variant]:
+        """Yields the model with a change of all elements at once, and of each alone."""
+        if len(elements) > 1:
+            yield from self.edit(change, elements, sentence)
+        yield from self.edit_each(change, elements, each)
+
+
+def list_variants(text: str) -> Iterator[Variant]:
+    """Yields the variants of a reference, the more frequent mistakes first."""
+    reference = Reference(text)
+    for family in (
+        vary_angles, vary_options, vary_joints, vary_masses, vary_sizes, vary_actuators, vary_missing, vary_tree,
+        vary_shapes,
+    ):  # fmt: skip
+        yield from family(reference)
+
+
+def vary_angles(reference: Reference) -> Iterator[Variant]:
+    """Degrees and radians, and the order of a quaternion."""
+    compiler = reference.root.find("compiler")
+    in_degrees = compiler is None or compiler.get("angle", "degree") == "degree"
+    as_radians = 'is in radians, and the compiler reads degrees: convert it, or write <compiler angle="radian"/>'
+    as_degrees = 'is in degrees, and the compiler reads radians: convert it, or leave out angle="radian"'
+    of_all = {True: "Every angle " + as_radians, False: "Every angle " + as_degrees}
+    for factor in (pi / 180, 180 / pi):
+        said = of_all[factor < 1] + "."
+        yield from reference.edit(scale_angles(factor), reference.elements, said)
+        for one in reference.elements:
+            for name in ("range", "ref", "springref", "euler", "axisangle"):
+                which = f"The {name} of {reference.label(one)} {as_radians if factor < 1 else as_degrees}."
+                yield from reference.edit(scale_angles(factor, name), [one], which)
+    other = "radian" if in_degrees else "degree"
+    yield from reference.edit(put_into("compiler", "angle", other), [reference.root], of_all[not in_degrees] + ".")
+    for tag in ("position", "intvelocity"):
+        which = "The ctrlrange of {} is in degrees: MuJoCo reads it in radians, whatever the compiler says."
+        yield from reference.edit_each(multiply("ctrlrange", 180 / pi), reference.find(tag), which)
+    turned = "of {} has its numbers in the order x y z w: MuJoCo's order is w x y z."
+    yield from reference.edit_both(
+        rotate("quat", 1), [one for one in reference.elements if "quat" in one.attrib],
+        "Every quat has its numbers in the order x y z w: MuJoCo's order is w x y z.", f"The quat {turned}",
+    )  # fmt: skip
+
+
+def vary_options(reference: Reference) -> Iterator[Variant]:
+    """Gravity and other options of the simulation."""
+    options = reference.find("option")
+    if not options or "gravity" not in options[0].attrib:
+        for value, said in (
+            ("0 0 0", "There is no gravity: leave out its option, and it is 9.81 m/s^2 downwards."),
+            ("0 0 9.81", "Gravity points upwards: MuJoCo's z axis points up, so it is 0 0 -9.81."),
+            ("0 -9.81 0", "Gravity acts along y: MuJoCo's z axis points up, so it is 0 0 -9.81."),
+        ):
+            yield from reference.edit(put_into("option", "gravity", value), [reference.root], said)
+    elif options:
+        yield from reference.edit(negate("gravity"), options, "Gravity points the other way.")
+    for one in options:
+        for name in one.attrib:
+            said = f"The option {name} is missing, so that MuJoCo's default holds."
+            yield from reference.edit(drop(name), [one], said)
+    yield from reference.edit(multiply("timestep", 1000), options, "The timestep is in milliseconds: MuJoCo's is in s.")
+    for one in reference.find("flag"):
+        for name in one.attrib:
+            yield from reference.edit(drop(name), [one], f"The flag {name} is missing.")
+
+
+def vary_joints(reference: Reference) -> Iterator[Variant]:
+    """Axes, places and limits of joints."""
+    joints = reference.find("joint")
+    for axis in ("x", "y", "z"):
+        said = f"The axis of {{}} is wrong: it is the {axis} axis of its body."
+        yield from reference.edit_each(change_axis(axis), joints, said)
+    yield from reference.edit_each(
+        change_axis("-"), joints, "The axis of {} points the other way: its sense of turning is wrong."
+    )
+    for joint in joints:
+        body = reference.parents.get(joint)
+        if body is not None and body.tag == "body" and "pos" in body.attrib:
+            said = f"The pos of {reference.label(joint)} is that of its body: it is relative to the body that it is in."
+            yield from reference.edit(put("pos", body.get("pos", "")), [joint], said)
+    yield from reference.edit_each(
+        put("limited", "false", beside="range"), joints,
+        "The range of {} is not in force: nothing limits it. Leave out limited=\"false\".",
+    )  # fmt: skip
+    yield from reference.edit_each(swap_ends("range"), joints, "The range of {} has the wrong signs.")
+    for kind, other in (("hinge", "slide"), ("slide", "hinge")):
+        some = [one for one in joints if one.get("type", "hinge") == kind]
+        said = f"The joint {{}} is a {other}, where a {kind} was asked for.".replace("joint the joint", "joint")
+        yield from reference.edit_each(put("type", other), some, said.replace("The joint {}", "{}"))
+
+
+def vary_masses(reference: Reference) -> Iterator[Variant]:
+    """Masses and inertias."""
+    heavy = [one for one in reference.find("geom", "inertial") if "mass" in one.attrib]
+    geoms = [one for one in heavy if one.tag == "geom"]
+    yield from reference.edit_both(
+        drop("mass"), geoms, "No geom has its mass, so that each has the density of water, 1000 kg/m^3.",
+        "The mass of {} is missing, so that it has the density of water, 1000 kg/m^3.",
+    )  # fmt: skip
+    for body in reference.find("body"):
+        some = [one for one in body if one.tag == "geom" and "mass" in one.attrib]
+        total = sum(float(one.get("mass", "0")) for one in some)
+        if len(some) > 1:
+            said = f"Each geom of {reference.label(body)} has the mass of the whole body: they add up."
+            yield from reference.edit(put("mass", repr(total)), some, said)
+    yield from reference.edit_both(
+        multiply("mass", 1000), heavy, "Every mass is in grams: MuJoCo's unit is the kilogram.",
+        "The mass of {} is in grams: MuJoCo's unit is the kilogram.",
+    )  # fmt: skip
+    yield from reference.edit_each(multiply("mass", 2), heavy, "The mass of {} is twice what was asked for.")
+    yield from reference.edit_each(multiply("mass", 0.5), heavy, "The mass of {} is half of what was asked for.")
+    yield from reference.edit_each(
+        multiply("density", 1e-3), reference.find("geom"), "The density of {} is in g/cm^3: MuJoCo's is in kg/m^3."
+    )
+    for one in reference.find("inertial"):
+        if "diaginertia" in one.attrib:
+            about = "The inertia of {} is about the origin of the body: MuJoCo's is about the centre of mass."
+            yield from reference.edit_each(shift_inertia, [one], about)
+            order = "The three moments of inertia of {} are in another order: they are about x, y and z."
+            for by in (1, 2):
+                yield from reference.edit_each(rotate("diaginertia", by), [one], order)
+        body = reference.parents[one]
+        geom = next((each for each in body if each.tag == "geom"), None)
+        if geom is not None:
+            said = f"The mass of {reference.label(body)} is given to its geom, whose inertia is that of its shape."
+            change = do_either("inertial", hide, put("mass", one.get("mass", "0")))
+            yield from reference.edit(change, [one, geom], said)
+        said = "The inertial is missing, so that mass and inertia come from the geoms."
+        yield from reference.edit(hide, [one], said)
+
+
+def vary_sizes(reference: Reference) -> Iterator[Variant]:
+    """Half sizes, radii and millimetres."""
+    geoms = [one for one in reference.find("geom", "site") if "size" in one.attrib]
+    yield from reference.edit_both(
+        multiply("size", 2), geoms, "Every size is the full one: MuJoCo's sizes are radii and half lengths.",
+        "The size of {} is the full one: MuJoCo's sizes are radii and half lengths.",
+    )  # fmt: skip
+    for at, what in ((0, "radius"), (1, "half length")):
+        full = "diameter" if at == 0 else "full length"
+        some = [one for one in geoms if len(one.get("size", "").split()) > at and one.get("type") != "box"]
+        for factor, said in (
+            (2, f"The size of {{}} has the {full} in place of the {what}."),
+            (0.5, f"The size of {{}} has half of the {what} that was asked for."),
+        ):
+            yield from reference.edit_each(multiply("size", factor, at), some, said)
+    yield from reference.edit_each(multiply("size", 0.5), geoms, "The size of {} is half of what was asked for.")
+    yield from reference.edit(
+        do_all([multiply(name, 1000) for name in LENGTHS]), reference.elements,
+        "Every length is in millimetres: MuJoCo's unit is the metre.",
+    )  # fmt: skip
+    for name in LENGTHS:
+        some = [one for one in reference.elements if name in one.attrib]
+        said = f"The {name} of {{}} is in millimetres: MuJoCo's unit is the metre."
+        yield from reference.edit_each(multiply(name, 1000), some, said)
+
+
+def vary_actuators(reference: Reference) -> Iterator[Variant]:
+    """Gears, gains and kinds of actuators."""
+    actuators = reference.find(*ACTUATORS)
+    yield from reference.edit_each(
+        multiply("gear", -1, default="1"),
+        actuators,
+        "{} acts the other way: the sign of its gear is wrong.",
+    )
+    for factor, said in ((10, "ten times"), (0.1, "a tenth of"), (2, "twice"), (0.5, "half of")):
+        for name in ("gear", "kp", "kv"):
+            yield from reference.edit_each(
+                multiply(name, factor), actuators, f"The {name} of {{}} is {said} what was asked for."
+            )
+    for tag in ("motor", "position", "velocity"):
+        others = [one for one in actuators if one.tag in ("motor", "position", "velocity") and one.tag != tag]
+        for one in others:
+            said = f"{reference.label(one)} is a <{tag}>, where a <{one.tag}> was asked for."
+            yield from reference.edit(become(tag), [one], said[0].upper() + said[1:])
+    yield from reference.edit_each(
+        put("ctrllimited", "false", beside="ctrlrange"), actuators,
+        "The ctrlrange of {} is not in force. Leave out ctrllimited=\"false\".",
+    )  # fmt: skip
+
+
+def vary_missing(reference: Reference) -> Iterator[Variant]:
+    """What is left out: an attribute, a joint, an excluded pair."""
+    for name, advice in ADVICE.items():
+        some = [one for one in reference.elements if name in one.attrib and one.tag not in ("option", "inertial")]
+        yield from reference.edit_both(
+            drop(name), some, f"The {name} is missing everywhere{advice}.", f"The {name} of {{}} is missing{advice}."
+        )
+    for one in reference.find("joint", "freejoint", "exclude", "connect", "weld", "fixed"):
+        said = f"{reference.label(one)} is missing."
+        yield from reference.edit(hide, [one], said[0].upper() + said[1:])
+
+
+def vary_tree(reference: Reference) -> Iterator[Variant]:
+    """Bodies that hang on the wrong parent, or whose place is given in the wrong frame."""
+    for body in reference.find("body"):
+        parent = reference.parents[body]
+        if parent.tag != "body":
+            continue
+        label, above = reference.label(body), reference.label(parent)
+        said = f"{label[0].upper()}{label[1:]} does not hang on {above}: write it inside that one's element."
+        for by in ([0.0, 0.0, 0.0], read(parent.get("pos", "0 0 0"))):
+            yield Variant(reference.move_up(body, by), said, "body", body.get("name", ""))
+        by = read(parent.get("pos", "0 0 0"))
+        said = "The pos of {} is given in the world: MuJoCo's is relative to the parent body."
+        yield from reference.edit_each(
+            shift("pos", by),
+            [body], said,
+        )  # fmt: skip
+
+
+def vary_shapes(reference: Reference) -> Iterator[Variant]:
+    """Geoms of another type."""
+    for one in reference.find("geom"):
+        for kind in SHAPES - {one.get("type", "sphere")}:
+            said = f"The geom is a {kind}, where a {one.get('type', 'sphere')} was asked for."
+            said = said.replace("The geom", reference.label(one)[0].upper() + reference.label(one)[1:])
+            yield from reference.edit(put("type", kind), [one], said)

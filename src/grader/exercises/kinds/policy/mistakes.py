@@ -1,0 +1,100 @@
+"""Names the mistake behind a policy that fails: from what its layers did, from which episodes fail, and from what the
+same weights achieve under another convention. No sentence has a number of an episode."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from grader.exercises.episodes.goals import measure_saturation
+from grader.exercises.episodes.parameters import Problem
+from grader.exercises.episodes.simulating import Record
+from grader.exercises.kind import JudgedTrial
+from grader.exercises.kinds.policy.bench import Bench
+from grader.exercises.kinds.policy.judge import Ran, Refused
+from grader.exercises.kinds.policy.network import Network
+from grader.exercises.kinds.policy.parameters import PolicyParameters
+from grader.exercises.kinds.policy.variants import Variant, list_variants
+
+Judged = JudgedTrial[Problem, Any]
+
+EPISODES_READ = 4
+"""Failed episodes of each case whose layers are looked at."""
+
+SATURATED = 0.8
+"""The share of time at the actuators' limits that counts as nearly always."""
+
+FULL_FROM = 1 - 1e-6
+"""The size from which on a tanh counts as at its end."""
+
+CONSTANT = "The controls never change, whatever the policy observes: was an untrained or a masked network saved?"
+DEAD = (
+    "Every unit of hidden layer {layer} is 0 whatever the policy observes (dead units), so that the controls never "
+    "change. Train with a smaller learning rate, or check that biases and weights belong together."
+)
+FULL = (
+    "Every unit of hidden layer {layer} stays at the end of its range, so that the policy hears next to nothing of "
+    "what it observes: normalise the observations as in training, or check their units."
+)
+OVERFLOWS = "The outputs of the network overflow: its weights are far too large."
+IGNORES = "The policy does not use {names}: the rows of W1 are 0 there, as if the training had left them out."
+SATURATES = (
+    "Nearly always the controls are beyond what the actuators give: it switches from one end to the other. Scale the "
+    "outputs to the actuators' ranges."
+)
+TUNED = (
+    "The policy works in the episodes that you see, not in the hidden ones, whose starts and models are drawn: it was "
+    "trained on too few. Train on starts and models drawn from the ranges of the exercise."
+)
+
+
+def name_the_mistake(parameters: PolicyParameters, judged: Sequence[Judged]) -> str | None:
+    """Returns the sentence of the first mistake that explains the failed cases."""
+    wrong = [one for one in judged if not one.counts]
+    refused = next((one for one in wrong if isinstance(one.judgement.outcome, Refused)), None)
+    if refused is not None:
+        return refused.judgement.message
+    failed = [(one, outcome) for one in wrong if isinstance(outcome := one.judgement.outcome, Ran)]
+    if not failed or len(failed) < len(wrong):
+        return None
+    for _, outcome in failed:
+        for record in outcome.list_failed()[:EPISODES_READ]:
+            if (sentence := explain_layers(outcome.network, record)) is not None:
+                return sentence
+    if (variant := find_variant(parameters, judged)) is not None:
+        return variant.sentence
+    visible = [one for one in judged if not one.trial.hidden]
+    if visible and all(one.counts for one in visible):
+        return TUNED
+    return explain_motion(*failed[0])
+
+
+def explain_motion(judged: Judged, outcome: Ran) -> str | None:
+    """Returns what is left to say of a policy that no variant mends: what it ignores, or that it always does its
+    utmost."""
+    ignored = np.flatnonzero(~outcome.network.layers[0][0].any(axis=1))
+    if len(ignored):
+        return IGNORES.format(names=" and ".join(judged.trial.inputs["observed"][i] for i in ignored))
+    saturated = [measure_saturation(judged.trial.problem, record) for record in outcome.list_failed()]
+    return SATURATES if saturated and np.mean(saturated) > SATURATED else None
+
+
+def explain_layers(network: Network, record: Record) -> str | None:
+    """Returns what is wrong with a policy whose layers do not respond to what was observed."""
+    if not np.isfinite(record.asked).all():
+        return OVERFLOWS
+    rows = len(record.time_s)
+    *hidden, _ = network.list_activations(record.observed)
+    for layer, values in enumerate(hidden, 1):
+        if rows > 1 and network.activation == "relu" and not values.any():
+            return DEAD.format(layer=layer)
+        if rows > 1 and network.activation == "tanh" and (np.abs(values) > FULL_FROM).all():
+            return FULL.format(layer=layer)
+    return CONSTANT if rows > 1 and np.ptp(record.asked, axis=0).max() == 0 else None
+
+
+def find_variant(parameters: PolicyParameters, judged: Sequence[Judged]) -> Variant | None:
+    """Returns the first variant that works in every case."""
+    first, bench = judged[0], Bench(parameters, judged)
+    variants = list_variants(parameters, first.trial.problem, first.judgement.outcome.network)
+    return next((variant for variant in variants if bench.works(variant)), None)

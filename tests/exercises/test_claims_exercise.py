@@ -1,0 +1,220 @@
+"""Claims of measurements, through the real jail: every reference program gets its status and its diagnosis; and what we
+measure them against, by closed forms."""
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from math import exp, pi, sqrt
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grader.domain.quantities import QuantityName, Window
+from grader.domain.verdict import Verdict
+from grader.exercises import JudgedTrial, check_exercise, load_kinds, plan_exercise
+from grader.exercises.kinds.claims.mistakes import name_the_mistake
+from grader.exercises.rehearsing import certify_exercise
+from grader.experiments.quantities import measure
+from grader.grading.pipeline import Pipeline
+from grader.grading.references import read_demand
+from grader.library import load
+from grader.questions import question_adapter
+from grader.questions.kinds.script import ScriptQuestion
+from grader.sandbox.jail import Jail
+from support.sites import ROOT
+
+QUIZ = "2.1-exercises"
+PROGRAMS = sorted((ROOT / "reference_solutions" / QUIZ).glob("*/*.py"))
+SEED = 7
+CLAIMS = load_kinds()["claims"]
+
+
+@pytest.fixture(scope="module")
+def pipeline() -> Iterator[Pipeline]:
+    library = load(ROOT)
+    with Jail(library.root / "models", workers=2, allow_t2=True) as jail:
+        yield Pipeline(library, jail.run)
+
+
+def grade(pipeline: Pipeline, question: str, source: str) -> Verdict:
+    return pipeline.grade(QUIZ, question, {"source": source}, SEED)
+
+
+@pytest.mark.jail
+@pytest.mark.slow
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_a_program_is_judged_and_named_as_expected(path: Path, pipeline: Pipeline) -> None:
+    source = path.read_text()
+    status, diagnosis = read_demand(source, path.stem.partition("__")[0])
+    verdict = grade(pipeline, path.parent.name, source)
+    assert verdict.status == status, verdict.diagnosis
+    assert (diagnosis or "") in (verdict.diagnosis or "")
+    assert all(len(row) == len(table["head"]) for table in verdict.evidence["tables"] for row in table["rows"])
+    json.dumps(verdict.evidence, allow_nan=False)
+
+
+def test_there_are_enough_of_them() -> None:
+    statuses = Counter(path.stem.partition("__")[0] for path in PROGRAMS)
+    assert statuses["correct"] >= 8
+    assert statuses.total() - statuses["correct"] >= 25
+
+
+TIMES = np.linspace(0, 20, 20_001)
+SERIES = {
+    "square": TIMES**2,
+    "line": TIMES,
+    "sine": np.sin(TIMES),
+    "cosine": np.cos(TIMES),
+    "quick": np.sin(pi * TIMES),
+    "raised": 5 + 3 * np.sin(pi * TIMES),
+    "decay": np.exp(-TIMES),
+    "swing": 2 * np.exp(-0.1 * TIMES) * np.cos(3 * TIMES),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "series", "window", "right"),
+    [
+        ("final", "square", Window(), 400),
+        ("final", "square", Window(until=10.0), 100),
+        ("max", "sine", Window(), 1),
+        ("min", "swing", Window(since=0.5, until=2.0), -2 * exp(-0.1 * 1.0361) * 0.99945),
+        ("mean", "line", Window(), 10),
+        ("rms", "quick", Window(), sqrt(0.5)),
+        ("amplitude", "raised", Window(), 3),
+        ("peak_to_peak", "raised", Window(), 6),
+        ("crossing", "cosine", Window(level=0.5, direction="down", count=2), pi / 3 + 2 * pi),
+        ("crossing", "cosine", Window(level=0.0, direction="either", count=3), 5 * pi / 2),
+        ("period", "swing", Window(level=0.0), 2 * pi / 3),
+        ("frequency", "swing", Window(level=0.0), 3 / (2 * pi)),
+        ("decay_rate", "swing", Window(), 0.1),
+        ("settling", "decay", Window(level=0.0, band=0.01), np.log(100)),
+        ("settling", "cosine", Window(level=0.0, band=0.01), np.nan),
+        ("period", "line", Window(), np.nan),
+    ],
+)
+def test_quantities_are_those_of_closed_forms(name: QuantityName, series: str, window: Window, right: float) -> None:
+    assert measure(name, TIMES, SERIES[series], window) == pytest.approx(right, rel=2e-4, nan_ok=True)
+
+
+@given(st.floats(0, 0.4), st.floats(0, 2 * np.pi), st.integers(3, 10), st.floats(-5, 5))
+def test_the_period_of_a_decay_is_that_about_its_rest(decay: float, phase: float, periods: int, rest: float) -> None:
+    """Of A exp(-decay t) cos(2 pi t + phase) it is 1, whatever the decay; about the middle it is up to 4 % off."""
+    times = np.arange(0, periods + 1e-9, 0.002)
+    values = rest + np.exp(-decay * times) * np.cos(2 * np.pi * times + phase)
+    assert measure("period", times, values) == pytest.approx(1, rel=1e-3)
+    assert measure("frequency", times, values) == pytest.approx(1, rel=1e-3)
+
+
+SPRING = """<mujoco><option timestep="0.002" gravity="0 0 0" integrator="RK4"/><worldbody><body>
+<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/><joint name="x" type="slide" stiffness="50" damping="0.8"/>
+</body></worldbody></mujoco>"""
+
+
+def pose(case: dict[str, Any] | None = None, **check: Any) -> ScriptQuestion:
+    """Returns an exercise about a mass on a spring, w = 5/s, that decays at 0.2/s."""
+    one = {"id": "a", "xml": SPRING, "start": {"qpos": [0.1]}, **(case or {})}
+    raw = {"kind": "code", "id": "spring", "q": "?", "entry": "f",
+           "check": {"kind": "claims", "seconds": 6, "cases": [one], **check}}  # fmt: skip
+    question = question_adapter().validate_python(raw)
+    assert isinstance(question, ScriptQuestion)
+    return question
+
+
+def diagnose(question: ScriptQuestion, *claims: Any) -> str | None:
+    """Returns the diagnosis of claims in the only case; None where all are right."""
+    plan = plan_exercise(question, lambda _: "", 1)
+    results = {f"c{index}": np.array(claim, dtype=np.float64) for index, claim in enumerate(claims)}
+    judgement = CLAIMS.judge(plan.parameters, plan.trials[0], results)
+    if judgement.passed:
+        return None
+    return name_the_mistake([JudgedTrial(plan.trials[0], judgement, counts=False)]) or judgement.message
+
+
+RATE = {"name": "rate", "quantity": "decay_rate", "expr": "data.qpos[0]", "level": 0, "unit": "1/s", "rtol": 0.01}
+PLACE = {"name": "place", "quantity": "trace", "form": "curve", "expr": "data.qpos[0]", "unit": "m", "rtol": 0.01}
+
+
+def test_what_is_measured_is_the_limit_and_curves_are_compared_point_by_point() -> None:
+    w = sqrt(25 - 0.04)
+    x = [0.5, 1.0, 1.5]
+    right = [0.1 * exp(-0.2 * t) * (np.cos(w * t) + 0.2 / w * np.sin(w * t)) for t in x]
+    question = pose({"x": x}, claims=[RATE, PLACE], x={"label": "time", "unit": "s"})
+    assert certify_exercise(question, lambda _: "", "q.json") == []
+    assert diagnose(question, 0.2, right) is None
+    assert diagnose(question, 5.0, right) == "Rate is the time constant: the rate is one over it."
+    assert diagnose(question, 0.2, np.multiply(right, 1000)) == "Place is in mm, and m is asked for."
+    assert diagnose(question, 0.2, right[::-1]) == (
+        "Place is in the opposite order: the first number belongs to the first x."
+    )
+    assert diagnose(question, 0.2, [right[0]]) == "Place has the wrong shape: 3 numbers are asked for."
+    assert diagnose(question, 0.2, [right[0], right[1], right[2] + 0.01]) == "Place is in places too high."
+    assert diagnose(question, [[0.2]], right) is None  # an array of one number
+
+
+def test_each_run_of_a_sweep_must_begin_anew() -> None:
+    speed = {"name": "speed", "quantity": "max", "form": "curve", "expr": "data.qvel[0]", "rtol": 0.005}
+    question = pose({"x": [0.1, 0.2]}, claims=[speed], seconds=2, x={"label": "x", "apply": "data.qpos[0] = value"})
+    model = mujoco.MjModel.from_xml_string(SPRING)
+    data = mujoco.MjData(model)
+    speeds: dict[bool, list[float]] = {True: [], False: []}
+    for is_reset, found in speeds.items():
+        for x in (0.1, 0.2):
+            if is_reset:
+                mujoco.mj_resetData(model, data)
+            data.qpos[0], record = x, [data.qvel[0]]
+            for _ in range(1000):
+                mujoco.mj_step(model, data)
+                record.append(data.qvel[0])
+            found.append(max(record))
+        mujoco.mj_resetData(model, data)
+    assert diagnose(question, speeds[True]) is None
+    assert "reset the data" in (diagnose(question, speeds[False]) or "")
+    assert diagnose(question, [speeds[True][0]] * 2) == "Speed is the same for every x: use x."
+
+
+@pytest.mark.jail
+@pytest.mark.slow
+def test_nothing_that_is_measured_enters_the_jail(pipeline: Pipeline) -> None:
+    for name in ("swing", "ring", "shaker", "amplitudes", "energies"):
+        question = pipeline.library.question(QUIZ, name)
+        assert isinstance(question, ScriptQuestion)
+        plan = plan_exercise(question, pipeline.library.model_xml, SEED, pipeline.library.text)
+        for trial in plan.trials:
+            assert set(trial.inputs) == {"model", "start", "x", "claims"}
+            assert trial.inputs["claims"] == [[claim.name, claim.form] for claim in trial.problem.claims]
+            assert "Math" not in json.dumps(trial.inputs)
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "why"),
+    [
+        ({"claims": [{**RATE, "expr": "data.qpos[7]"}]}, "check.claims.0", "no decay rate"),
+        ({"claims": [{**RATE, "expr": "data.qpos["}]}, "check.claims.0.expr", ""),
+        ({"claims": [RATE, RATE]}, "check.claims", "one name"),
+        ({"claims": [PLACE]}, "check.x", "axis"),
+        ({"claims": [{**RATE, "form": "interval"}]}, "check.claims.0", "width"),
+        ({"claims": [{**RATE, "quantity": "settling"}]}, "check.claims.0", "band"),
+        ({"claims": [RATE], "seconds": 1}, "check.claims.0", "no decay rate"),
+        ({"claims": [RATE], "seconds": 60}, "check.seconds", "20000 steps"),
+        ({"claims": [RATE], "controller": 1}, "check.controller", ""),
+    ],
+)
+def test_a_claim_that_cannot_be_measured_is_a_fault(change: dict[str, Any], key: str, why: str) -> None:
+    faults = check_exercise(pose(**change), lambda _: "", "q.json")
+    assert any(fault.key.endswith(key) and why in fault.why for fault in faults), faults
+
+
+def test_a_claim_that_depends_on_the_timestep_is_refused_unless_the_author_says_so() -> None:
+    stiff = SPRING.replace('integrator="RK4"', 'integrator="Euler"').replace("0.002", "0.05")
+    claim = {**RATE, "name": "period", "quantity": "period", "unit": "s", "rtol": 0.001}
+    (fault,) = certify_exercise(pose({"xml": stiff}, claims=[claim], seconds=12), lambda _: "", "q.json")
+    assert "at the model's own timestep is off by" in fault.why
+    for timestep in ("any", "given"):
+        question = pose({"xml": stiff}, claims=[{**claim, "timestep": timestep}], seconds=12)
+        assert certify_exercise(question, lambda _: "", "q.json") == []
