@@ -1,3 +1,3 @@
-# diagnosis: On the whole it stays too far from the target.
+# diagnosis: It comes to rest beside the target
 def make(model):
     return lambda t, seen: 6 * (seen[2] - seen[0]) - 6 * seen[1]
