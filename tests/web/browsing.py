@@ -4,11 +4,13 @@ import os
 import secrets
 import shutil
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
+from weakref import WeakSet
 
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, BrowserContext, Error, Page, Playwright, sync_playwright
@@ -16,6 +18,9 @@ from playwright.sync_api import Browser, BrowserContext, Error, Page, Playwright
 from grader.service.app import create_app
 from grader.settings import Settings
 from support.servers import serving
+
+SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
+"""WebGL without a GPU."""
 
 
 @contextmanager
@@ -32,7 +37,11 @@ def settings_in(folder: Path, workers: int = 1) -> Settings:
     return Settings(data=folder, workers=workers)
 
 
-@dataclass
+TEST_S = 180.0
+"""A browser that hangs is killed after it; the slowest test takes 40 s where the machine is busy."""
+
+
+@dataclass(eq=False)
 class Chromium:
     """Debian's Chromium, without a window. When it has died it is launched again, so that no other test fails.
 
@@ -44,8 +53,11 @@ class Chromium:
     browser: Browser = field(init=False)
     mark: str = field(default_factory=lambda: f"--of-tests={secrets.token_hex(8)}")
     """Chromium ignores switches that it does not know; by this one its processes are found."""
+    living: ClassVar[WeakSet["Chromium"]] = WeakSet()
+    """All browsers of this process."""
 
     def __post_init__(self) -> None:
+        self.living.add(self)
         self.launch()
 
     def launch(self) -> None:
@@ -74,6 +86,26 @@ class Chromium:
 
 
 @contextmanager
+def bounded(seconds: float = TEST_S) -> Iterator[None]:
+    """Ends a test that hangs, with words: some calls of playwright have no time limit of their own."""
+    late = threading.Event()
+
+    def end() -> None:
+        late.set()
+        for browser in list(Chromium.living):
+            browser.kill()
+
+    timer = threading.Timer(seconds, end)
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()
+    assert not late.is_set(), f"the browser hung: it was killed after {seconds:g} s"
+
+
+@contextmanager
 def chromium(*more: str) -> Iterator[Chromium]:
     """A browser; `more` are further options."""
     with sync_playwright() as playwright:
@@ -84,6 +116,18 @@ def chromium(*more: str) -> Iterator[Chromium]:
             found.browser.close()
 
 
+LYING_ON_OTHERS = """picture => {
+  const boxes = [...picture.querySelectorAll('text, circle')].map(one => [one, one.getBoundingClientRect()]);
+  const frame = picture.closest('figure').getBoundingClientRect();
+  const on = (one, other) => one.left < other.right - 1 && other.left < one.right - 1
+    && one.top < other.bottom - 2 && other.top < one.bottom - 2;
+  const texts = boxes.filter(([one]) => one.tagName === 'text');
+  return texts.filter(([one, box]) => box.left < frame.left || box.right > frame.right
+    || boxes.some(([other, its]) => other !== one && on(box, its))).map(([one]) => one.textContent);
+}"""
+"""The texts of a picture that leave its figure, or lie on another text or on a dot."""
+
+
 def findings(page: Page) -> list[tuple[str, list[str]]]:
     """What axe-core finds, and what it cannot decide, but for contrast: test_style.py computes that of every colour.
 
@@ -91,6 +135,9 @@ def findings(page: Page) -> list[tuple[str, list[str]]]:
     at a sorted column, which is hidden from readers and has the ink of its heading.
     """
     wanted = ["violations", "incomplete"]  # of the passes, which are most, axe then describes one element a rule
-    found = Axe().run(page, options={"rules": {"region": {"enabled": True}}, "resultTypes": wanted}).response
+    if not page.evaluate("'axe' in window"):  # half a megabyte of script, which stays until the page is left
+        page.evaluate(Axe().axe_script)
+    options = {"rules": {"region": {"enabled": True}}, "resultTypes": wanted}
+    found = page.evaluate("options => axe.run(options)", options)
     undecided = [one for one in found["incomplete"] if one["id"] != "color-contrast"]
     return [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in [*found["violations"], *undecided]]

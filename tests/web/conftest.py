@@ -4,7 +4,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from web.browsing import Chromium, chromium
+from web.browsing import Chromium, bounded, chromium
+
+
+@pytest.fixture(autouse=True)
+def limit() -> Iterator[None]:
+    """No test of pages hangs for ever."""
+    with bounded():
+        yield
 
 
 @pytest.fixture(scope="module")

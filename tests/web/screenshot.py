@@ -13,7 +13,7 @@ from grader.courses.people.sign_in import create_sign_in_code
 from grader.service.accounts import in_database
 from grader.settings import Settings
 from support.sites import Site, open_site
-from web.browsing import Chromium, chromium
+from web.browsing import SOFTWARE, Chromium, chromium
 
 ROOT = Path(__file__).parents[2]
 SOLUTIONS = ROOT / "reference_solutions/1.3-exercises/servo-threshold"
@@ -91,7 +91,7 @@ def attempt(page: Page, place: int) -> str:
 def lab(site: Site, browser: Chromium, target: Path) -> None:
     """A lab between two runs: the servo is stiffer than Euler bears, and the last run is the ghost."""
     page = new_page(site, browser)
-    page.goto("/lessons/1.3")
+    page.goto("/lessons/1.3?scene=light")
     box = page.locator(f"[id='{LAB}']")
     box.scroll_into_view_if_needed()
     for control, value in ((3, "0.01"), (1, "20000")):
@@ -99,13 +99,14 @@ def lab(site: Site, browser: Chromium, target: Path) -> None:
         field.fill(value)
         field.press("Enter")
         page.wait_for_timeout(2000)
+    page.get_by_label("Time in the run", exact=True).last.fill("8")
     page.evaluate("document.activeElement.blur()")
     box.screenshot(path=target)
     fewer_colours(target)
 
 
 def instructor_page(site: Site, browser: Chromium, target: Path) -> None:
-    """The statistics of the knowledge check after a class has answered it."""
+    """The statistics of the knowledge check after a class has answered it, with the hardest question unfolded."""
     chance = random.Random(SEED)
     for number in range(LEARNERS):
         client = site.client(f"learner-{number}")
@@ -119,7 +120,9 @@ def instructor_page(site: Site, browser: Chromium, target: Path) -> None:
     page.goto(f"/signin?code={code}")
     page.get_by_role("button", name="Sign in").click()
     page.goto("/instructor/statistics?quiz=1.3-check")
-    keep(page, target, page.locator("section.card").nth(1))
+    page.locator(".asked-question summary").first.click()
+    page.evaluate("document.activeElement.blur()")
+    keep(page, target, page.locator(".pair"))
 
 
 def new_page(site: Site, browser: Chromium) -> Page:
@@ -151,7 +154,7 @@ def main(folder: Path) -> None:
     with (
         tempfile.TemporaryDirectory() as data,
         open_site(Settings(data=Path(data), workers=1)) as site,
-        chromium() as browser,
+        chromium(*SOFTWARE) as browser,
     ):
         student_page(site, browser, folder / "student-page.png")
         verdict_page(site, browser, folder / "verdict-page.png")

@@ -1,10 +1,12 @@
 """The author's desk: a question's source, its preview, what the check says, and saving without overwriting."""
 
+import html
 import json
 import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
@@ -12,7 +14,7 @@ from fastapi.testclient import TestClient
 from grader.commands.grade import open_pipeline
 from grader.library import PassedChecks
 from grader.library.conversion import write_converted
-from grader.library.question_text import find_question, replace_question
+from grader.library.question_text import find_id, find_question
 from grader.questions import installed_kinds, parse_question
 from grader.service.authoring import make_app
 from grader.web.author.preview import list_samples
@@ -53,7 +55,7 @@ def wait_for(browser: TestClient, path: str, words: str) -> str:
 
 
 def tag_in(text: str) -> str:
-    found = re.search(r'name="tag" value="(\w+)"', text)
+    found = re.search(r'name="tag" value="([\w-]+)"', text)
     assert found
     return found[1]
 
@@ -62,6 +64,48 @@ def test_a_question_is_shown_with_its_source_its_certificate_and_how_answers_are
     text = wait_for(browser, NUMBER, "No fault")
     for part in ("1.3-check.json: q2", "Key: certified", "about 5 ms", "A joint with inertia", "After due"):
         assert part in text, part
+
+
+def test_a_key_without_a_verify_gets_one_to_paste_and_pasting_it_certifies_it(
+    browser: TestClient, folder: Path
+) -> None:
+    sim = {"model": "pendulum", "setup": "data.qpos[0] = 0.5", "seconds": 6,
+           "readouts": [{"label": "angle", "expr": "data.qpos[0]", "unit": "rad"}]}  # fmt: skip
+    swing = {"kind": "numeric", "q": "How long is its period?", "answer": 1.441, "tol": 0.01, "unit": "s", "sim": sim}
+    file = folder / "quizzes/1.3-check.json"
+    quiz = json.loads(file.read_text())
+    file.write_text(json.dumps(quiz | {"questions": [swing]}))
+    text = wait_for(browser, CHOICE, "under which the key holds")
+    assert "0 to mend" not in text and "No fault" in text
+    (pasted,) = re.findall(r"<textarea[^>]* data-copy>(.*?)</textarea>", text)
+    verified = json.loads(f"{json.dumps(swing)[:-1]}, {html.unescape(pasted)}}}")
+    file.write_text(json.dumps(quiz | {"questions": [verified]}))
+    text = wait_for(browser, CHOICE, "Key: certified")
+    assert "data-copy" not in text
+    file.write_text(json.dumps(quiz | {"questions": [swing | {"answer": 1.42}]}))  # as for small angles, L = 0.5 m
+    text = wait_for(browser, CHOICE, "under which the key does not hold")
+    assert "The simulation gives 1.4412" in html.unescape(text) and "No fault" in text
+
+
+def test_questions_and_exercises_are_added_on_the_page(browser: TestClient, folder: Path) -> None:
+    def add(kind: str) -> str:
+        answer = browser.post(f"/add/{CHECK}/q1", data={"kind": kind}, headers=SENT)
+        assert answer.status_code == 200, answer.text
+        return answer.url.path
+
+    offered = re.findall(r"<option[^>]*>([^<]+)</option>", browser.get(CHOICE).text)
+    assert {*SAMPLED, "values", "claims"} <= {*offered} and "code" not in offered
+    assert add("order") == f"/edit/{CHECK}/order"
+    assert add("order") == f"/edit/{CHECK}/order-2"
+    assert "No fault" in wait_for(browser, f"/edit/{CHECK}/order", "No fault")
+    sent: dict[str, Any] = {"data": {"kind": "exercise:values"}, "headers": SENT}
+    added = browser.post(f"/add/{CHECK}/q1", **sent, follow_redirects=False)  # its check would run on after the test
+    assert added.headers["Location"] == f"/edit/{CHECK}/code"
+    assert (folder / "programs/speed.py").exists()
+    (folder / "programs/speed.py").write_text("def another(): ...")
+    refused = browser.post(f"/add/{CHECK}/q1", **sent).text
+    assert "rename it first" in refused
+    assert browser.post(f"/add/{CHECK}/q1", data={"kind": "no-kind"}, headers=SENT).status_code == 404
 
 
 def test_every_state_is_shown_as_a_student_sees_it(browser: TestClient, folder: Path) -> None:
@@ -120,6 +164,40 @@ def test_saving_writes_the_question_alone_and_never_overwrites(browser: TestClie
     assert [path.name for path in (folder / "quizzes").iterdir()] == ["1.3-check.json"]
 
 
+@pytest.mark.parametrize("form", ["json", "md"])
+def test_a_question_of_another_id_or_broken_for_a_moment_is_saved_in_its_place_alone(
+    browser: TestClient, folder: Path, form: str
+) -> None:
+    file = folder / "quizzes/1.3-check.json"
+    if form == "md":
+        [file] = write_converted(file)
+    before, page = file.read_text(), browser.get(NUMBER).text
+    start, end = find_question(before, "q2", file.name)
+    mine = before[start:end]
+    named = mine.replace('{"', '{"id": "swing", "', 1) if form == "json" else mine.replace("##", "## {#swing}", 1)
+    tag = tag_in(page)
+    for source, moved in ((named, True), (named[:-30], None), ("", False), (mine, False), (named + "\n", True)):
+        saved = browser.put("/source/1.3-check/q2", content=source, headers={"If-Match": f'"{tag}"', **SENT})
+        assert saved.status_code == 204
+        assert file.read_text() == before[:start] + source.strip() + before[end:]
+        if moved is not None:
+            assert saved.headers.get("Location") == ("/edit/1.3-check/swing" if moved else None)
+        tag = saved.headers["ETag"].strip('"')
+    assert "swing" in browser.get("/edit/1.3-check/swing").text
+    sent = {"source": named, "tag": tag}
+    answer = browser.post("/source/1.3-check/q2", data=sent, headers=SENT, follow_redirects=False)
+    assert answer.headers["Location"] == "/edit/1.3-check/swing"
+
+
+@pytest.mark.parametrize("tag", ["", "0", "{digest}-1", "{digest}-99999-99999", "{digest}--1-0", "{digest}-0-0-0"])
+def test_a_tag_that_no_page_gave_saves_nothing(browser: TestClient, folder: Path, tag: str) -> None:
+    file = folder / "quizzes/1.3-check.json"
+    before, digest = file.read_text(), tag_in(browser.get(NUMBER).text).partition("-")[0]
+    headers = {**SENT, "If-Match": f'"{tag.format(digest=digest)}"'}
+    assert browser.put("/source/1.3-check/q2", content="{}", headers=headers).status_code == 412
+    assert file.read_text() == before
+
+
 @pytest.mark.parametrize("origin", [None, "http://evil.example", "null", "http://127.0.0.1:1"])
 def test_another_site_can_write_nothing(browser: TestClient, folder: Path, origin: str | None) -> None:
     before, tag = (folder / "quizzes/1.3-check.json").read_text(), tag_in(browser.get(NUMBER).text)
@@ -144,7 +222,9 @@ def test_a_question_is_found_in_the_text_as_it_was_written() -> None:
     text = '{ "id": "a", "x-note": "\\"questions\\": [1]",\n "questions": [ {"id": "b",\n "q": "]}" } , {"q": 2}]}'
     assert text[slice(*find_question(text, "b", "a.json"))] == '{"id": "b",\n "q": "]}" }'
     assert text[slice(*find_question(text, "q2", "a.json"))] == '{"q": 2}'
-    assert json.loads(replace_question(text, "q2", ' {"q": 3} \n', "a.json"))["questions"][1] == {"q": 3}
+    assert find_id(text, text.index('{"q": 2}'), "a.json") == "q2"
+    assert [find_id(text, start, "a.json") for start in (0, len(text))] == [None, None]
+    assert find_id("{", 0, "a.json") is None
 
 
 @pytest.mark.parametrize("name", [name for name, kind in installed_kinds().items() if not kind.is_script])

@@ -20,7 +20,7 @@ from grader.settings import Settings
 from grader.store import submissions
 from grader.store.line_comments import LineComment, TriedCopy
 from grader.store.tables import Member, Submission, VerdictRow, now
-from web.browsing import Chromium, findings, service
+from web.browsing import LYING_ON_OTHERS, Chromium, findings, service
 
 pytestmark = [pytest.mark.browser, pytest.mark.jail, pytest.mark.slow]
 expect.set_options(timeout=30_000)
@@ -132,6 +132,47 @@ def test_the_statistics_lead_from_a_count_to_its_learners(desk: Page) -> None:
         desk.goto(link)
         anchor = link.partition("#")[2]
         assert desk.locator(f'[id="{anchor}"]').count() == 1, link
+
+
+def test_statistics_fold_their_questions_the_hardest_first(desk: Page) -> None:
+    desk.set_viewport_size(NARROW)  # type: ignore[arg-type]
+    desk.goto("/instructor/statistics?quiz=1.3-exercises")
+    assert desk.evaluate("document.documentElement.scrollHeight") < 2500
+    assert desk.evaluate("document.documentElement.scrollWidth") == NARROW["width"]
+    questions = desk.locator(".asked-question")
+    shares = [int(one.split()[0].removesuffix("%")) for one in questions.locator("summary .counted").all_inner_texts()]
+    assert len(shares) > 2 and shares == sorted(shares)
+    expect(questions.locator("table").first).to_be_hidden()
+    question = questions.filter(has_text="The largest stable timestep")
+    question.locator("summary").first.click()
+    expect(question.locator("table").first).to_be_visible()
+    count = question.locator(".counted a").first
+    learners = int(count.inner_text().split()[0])
+    count.click()
+    expect(desk.locator("details.family[open] .people:target a")).to_have_count(learners)
+    desk.set_viewport_size(WIDE)  # type: ignore[arg-type]
+
+
+KINDS = {
+    "threshold": ("1.3-exercises/servo-threshold?axis=lesson.Euler", "limit 19.98"),
+    "rk4": ("1.3-exercises/rk4-step", "tolerance 10⁻¹⁰"),
+    "order": ("1.3-exercises/rk4-step?axis=order", "right 4"),
+    "numeric": ("1.3-check/q2", "right 5"),
+}
+"""The page of a class for each kind of axis, and what its limit is called."""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_has_an_axis_on_which_nothing_lies_on_anything(desk: Page, kind: str) -> None:
+    path, limit = KINDS[kind]
+    for size, plot in ((WIDE, ".wide-plot"), (NARROW, ".narrow-plot")):
+        desk.set_viewport_size(size)  # type: ignore[arg-type]
+        desk.goto(f"/instructor/class/{path}")
+        picture = desk.locator(plot)
+        expect(picture.locator("text.name")).to_contain_text(limit)
+        assert picture.locator("a .person").count() == desk.locator("figure tbody tr").count() > 0
+        assert picture.evaluate(LYING_ON_OTHERS) == []
+    desk.set_viewport_size(WIDE)  # type: ignore[arg-type]
 
 
 def test_slides_name_nobody_and_are_a_page_each(desk: Page, settings: Settings) -> None:
@@ -277,8 +318,9 @@ def test_no_page_has_a_fault_or_scrolls_sideways(browser: Chromium, origin: str,
     page = enter(browser, origin, settings, "instructor", Role.INSTRUCTOR, scripts=True)
     _, script = find_learner(settings, has_solved=False)
     for path in (
-        CLASS, f"{CLASS}?axis=lesson.discrete", f"{CLASS}/slides", "/instructor/class/1.3-check/q1",
-        "/instructor/class/1.3-check/q2", "/instructor/class/1.3-check/q4", "/instructor/people",
+        *(f"/instructor/class/{path}" for path, _ in KINDS.values()),
+        f"{CLASS}?axis=lesson.discrete", f"{CLASS}/slides", "/instructor/class/1.3-check/q1",
+        "/instructor/class/1.3-check/q4", "/instructor/people",
         "/instructor/alike",
         f"/instructor/review/{script}", f"/instructor/review/{script}/try", "/instructor/statistics?quiz=1.3-exercises",
     ):  # fmt: skip
@@ -286,7 +328,7 @@ def test_no_page_has_a_fault_or_scrolls_sideways(browser: Chromium, origin: str,
         for size in (WIDE, NARROW):
             page.set_viewport_size(size)  # type: ignore[arg-type]
             assert page.evaluate("document.documentElement.scrollWidth") == size["width"], (path, size)
-            if path.startswith(CLASS):
+            if path.startswith((CLASS, "/instructor/statistics")):
                 page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
             assert findings(page) == [], (path, size)
     page.goto("/instructor/people")

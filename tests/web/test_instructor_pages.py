@@ -1,6 +1,7 @@
 """An instructor's pages without a browser: statistics, a learner's view, extensions, the service, content, blinding."""
 
 import csv
+import html
 import io
 import json
 import re
@@ -32,6 +33,8 @@ LENGTH: dict[str, Any] = {
     "kind": "numeric", "id": "length", "q": "How long is six?", "answer": 6, "tol": 0,
     "verify": {"by": "expression", "expr": "2 * 3"},
 }  # fmt: skip
+FALLING = """<mujoco><option timestep="0.001" integrator="RK4"/><worldbody><body><joint type="slide" axis="0 0 1"/>
+<geom size="0.1"/></body></worldbody></mujoco>"""
 HOSTILE = "<img src=x onerror=alert(1)>"
 GRADED: dict[str, Any] = {
     "id": "2-graded",
@@ -126,6 +129,14 @@ def test_statistics_tell_mistakes_options_wrong_numbers_and_intervals(site: Site
     )
     assert "No decided answer yet to: What then?; Why?" in told  # what waits for a person has no points yet
     assert browser(site, "ann").get("/instructor/statistics").status_code == 403
+
+
+def test_pages_of_a_quiz_open_at_the_one_that_was_answered_last(site: Site, tina: httpx.Client) -> None:
+    ann = site.client("ann")
+    for quiz, question, given in (("2-graded", "which", 1), ("small", "q1", 1), ("2-graded", "why", "Because.")):
+        answer(ann, quiz, question, given)
+        for path in ("statistics", "gradebook", "dates", "extensions"):
+            assert f'<option value="{quiz}" selected>' in page(tina, f"/instructor/{path}"), path
 
 
 def test_the_plots_say_which_question_tells_nothing() -> None:
@@ -380,10 +391,38 @@ def test_a_draft_is_read_previewed_and_published_as_it_was_seen(site: Site, tina
     assert tina.post(DRAFT).status_code == 412
 
     path.write_text(json.dumps({**GRADED, "questions": [which, {**why, "q": "Why not?"}]}))
-    assert tina.post(DRAFT, data={"revision": revision_in(page(tina, DRAFT))}).status_code == 303
+    seen = page(tina, DRAFT)
+    assert "remarks" not in words(seen)
+    published = tina.post(DRAFT, data={"revision": revision_in(seen)}, follow_redirects=True)
+    assert "Published: learners have this content from now on." in words(published.text)
     assert "Why not?" in json.dumps(tina.get(f"{API}/quizzes/2-graded").json())
     assert "nothing to publish" in words(page(tina, DRAFT))
     assert any(one["action"] == "content reloaded" for one in tina.get(f"{API}/audit").json()["items"])
+    path.write_text(json.dumps(GRADED))
+    assert tina.post(f"{API}/content:reload").status_code == 200
+
+
+def test_a_draft_tells_the_remarks_of_what_it_changes_before_publish(site: Site, tina: httpx.Client) -> None:
+    path = site.settings.content / "quizzes" / "2-graded.json"
+    which, why = GRADED["questions"]
+    pictured = {**why, "q": "Why? ![a pendulum](images/gone.png) $\\frac{1$"}
+    path.write_text(json.dumps({**GRADED, "questions": [which, pictured]}))
+    told = words(page(tina, DRAFT)).partition("Read these remarks first")[2]
+    assert "images/gone.png" in told and "Publish" in told.partition("images/gone.png")[2]
+    path.write_text(json.dumps(GRADED))
+
+
+def test_a_draft_without_a_verify_shows_one_to_paste(site: Site, tina: httpx.Client) -> None:
+    path = site.settings.content / "quizzes" / "2-graded.json"
+    sim = {"xml": FALLING, "seconds": 0.5, "readouts": [{"label": "height", "expr": "data.qpos[0]", "unit": "m"}]}
+    falls = {"kind": "numeric", "id": "falls", "q": "Where is it after 0.5 s?", "unit": "mm", "tol": 5, "sim": sim}
+    for answer, told in ((-1226, "under which the key holds"), (-900, "under which the key does not hold")):
+        path.write_text(json.dumps({**GRADED, "questions": [*GRADED["questions"], {**falls, "answer": answer}]}))
+        shown = page(tina, f"{DRAFT}/2-graded/falls")
+        assert told in words(shown)
+        (pasted,) = re.findall(r"<textarea[^>]* data-copy>(.*?)</textarea>", shown)
+        verify = json.loads(f"{{{html.unescape(pasted)}}}")["verify"]
+        assert (verify["expr"], verify["seconds"]) == ("1000 * data.qpos[0]", 0.5)
     path.write_text(json.dumps(GRADED))
     assert tina.post(f"{API}/content:reload").status_code == 200
 
@@ -505,7 +544,7 @@ def test_a_script_that_waits_is_told_how_many_are_before_it(site: Site, tina: ht
         said.append(words(page(client, "/quizzes/3-scripts/rk4-step")))
     assert "waiting, you are next" in said[0]
     assert "waiting, 1 before you" in said[1]
-    assert re.search(r"scripts waiting 2 running 0 workers none", words(page(tina, "/instructor")))
+    assert re.search(r"scripts waiting, running 2, 0 workers(, jail)? none", words(page(tina, "/instructor")))
     seen = page(tina, f"/instructor/learners/{made.json()['learner']}/quizzes/3-scripts/rk4-step")
     assert '<button class="push" disabled>' in seen
     assert "rk4_step(model, data): pass" in seen

@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from grader.domain.lab import IntegratorsLab, LabConfig, SimLab, UnknownLab
+from grader.domain.lab import LabConfig, SimLab, UnknownLab
+from grader.labs.kinds.integrators.lab import IntegratorsLab
 from grader.web.text.lab_box import describe_lab
 
 SECRET = "data.qpos[0] * 4711"
@@ -57,6 +58,6 @@ def test_nothing_of_an_expression_is_in_the_skeleton() -> None:
 def test_each_kind_of_lab_has_its_form() -> None:
     unknown = UnknownLab.model_validate({"id": "x", "kind": "policies", "note": SECRET})
     five = IntegratorsLab.model_validate({"id": "y", "kind": "integrators", "models": [("a", "A model"), "b"]})
-    assert describe_lab(SimLab(id="z", model="cart"))["form"] == "scene"
+    assert describe_lab(SimLab(id="z", model="cart"))["template"] == "labs/simlab.html"
     assert describe_lab(unknown) == {"form": "unknown", "id": "x", "kind": "policies", "title": None}
     assert describe_lab(five)["offered"] == {"a": "A model", "b": "b"}

@@ -319,7 +319,7 @@ KEPT_FOCUS = """() => { const { activeElement: one } = document, style = getComp
 """The name of what has the focus, and whether the focus is seen."""
 
 STOPS = [
-    "The simulated scene; the arrow keys turn it, plus and minus move it",
+    "The simulated scene; the arrow keys turn it, plus and minus move it; drag a body to pull it",
     "Play",
     "Time in the run",
     "1×",
@@ -328,6 +328,9 @@ STOPS = [
     "centres of mass",
     "cameras",
     "shadows",
+    "pull",
+    "where to",
+    "Pull",
     "friction",
     "friction, slider",
     "length of the run",
@@ -379,6 +382,8 @@ def test_a_lab_is_operated_with_the_keyboard_alone(origin: str, browser: Chromiu
         keys.press("Space")
         assert page.evaluate("document.activeElement.checked") is not was
         keys.press("Space")
+    for _ in range(3):  # which body is pulled, where to, and the button
+        step()
     step()  # a typed value
     keys.press("Control+A")
     keys.type("0.25")

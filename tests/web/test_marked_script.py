@@ -71,3 +71,7 @@ def test_the_advice_is_what_follows_the_fault() -> None:
     assert find_advice("data.act does not change: advance it with data.act_dot.") == "Advance it with data.act_dot."
     assert find_advice("You adopted Euler.") == "You adopted Euler."
     assert find_advice("NameError: name 'x' is not defined.") == "NameError: name 'x' is not defined."
+    assert find_advice("SyntaxError: expected ':' (line 3: def f(model))") == "SyntaxError: expected ':'"
+    assert find_advice("ValueError: no, in line 14 of your script (do this).") == "ValueError: no (do this)."
+    told = "All are the last one: data.qacc is a view, so copy it. If you did, the sum is wrong."
+    assert find_advice(told) == "data.qacc is a view, so copy it. If you did, the sum is wrong."

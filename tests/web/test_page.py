@@ -51,12 +51,24 @@ def test_a_prompt_is_paragraphs(text: str, html: str) -> None:
     ("text", "short"),
     [
         ("How long is the limit at 2 ms?", "How long is the limit at 2\u202fms?"),
-        ("The pendulum is held by a stiff servo (kp = 20000) at 10 ms.", "The pendulum is held by a stiff servo…"),
+        (
+            "The pendulum is held by a stiff servo (kp = 20000) at 10 ms.",
+            "The pendulum is held by a stiff servo at…",
+        ),
+        (
+            "A servo of $k_p = {40}$ N m/rad holds a pendulum at 0.65 rad.",
+            "A servo of k_p = 40\u202fN\u00a0m/rad holds a pendulum…",
+        ),
+        (
+            "Your arm holds every target in simulation. On the robot it hums.",
+            "Your arm holds every target in simulation…",
+        ),
         (
             "Why does the servo grow at 20 ms although 2 ms is stable?",
             "Why does the servo grow at 20\u202fms although…",
         ),
         ("(" * 60, "(" * 44 + "…"),
+        (r"Is $\mu = 0.4$ or $\Lambda_2 \le \lambda$?", r"Is μ = 0.4 or Λ_2 \le λ?"),
     ],
 )
 def test_a_question_without_a_title_is_named_by_whole_words(text: str, short: str) -> None:

@@ -11,12 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grader.courses.rules.policy import FEEDBACK_EVIDENCE
+from grader.web.verdict.card import list_tables
 from grader.web.verdict.line_plots import INTEGRATORS, draw_end
 from grader.web.verdict.plots import draw_figures, draw_file, extract_light_styles, list_sketches
 from grader.web.verdict.svg import Axis, Drawing, estimate_width, format_path, list_decades, list_round_steps, trim
 from web.evidence import threshold_verdict
 
-NAMES = ("angles", "claims", "limits", "differences", "order", "charts", "values", "tableau", "stability")
+NAMES = ("angles", "claims", "limits", "differences", "order", "charts", "tables", "values", "tableau", "stability")
 TEXT_HEIGHT = 10.0
 """Of the capitals of a label, which is 13 units high."""
 
@@ -197,3 +198,12 @@ def test_ticks_of_a_log_axis_are_powers_of_ten() -> None:
     assert list_decades(1e-5, 1e-1, 5) == pytest.approx([1e-5, 1e-4, 1e-3, 1e-2, 1e-1])
     assert Axis(1e-5, 1, 0, 100, log=True).label(1e-3) == "10⁻³"
     assert [trim(one) for one in (-0.01, 1.0, 2.25)] == ["0", "1", "2.2"]
+
+
+def test_a_table_of_evidence_is_shown_with_its_case_and_a_crooked_one_is_left_out() -> None:
+    table = {"case": "a", "title": "Claims", "head": ["Claim", "Yours"], "rows": [["period", HOSTILE]]}
+    crooked = {**table, "rows": [["period"]]}
+    (shown,) = list_tables({"tables": [table]}, {"a.period": "from 2 rad: period"})
+    assert (shown.title, shown.rows) == ("Claims: from 2 rad", [["period", HOSTILE]])
+    assert list(list_tables({"tables": [crooked]}, {})) == []
+    assert list(list_tables({"tables": [{**table, "rows": []}]}, {})) == []

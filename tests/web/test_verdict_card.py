@@ -65,6 +65,39 @@ def test_hidden_cases_that_fail_alike_are_one_line() -> None:
     assert len(shown.passed) == 2
 
 
+def test_parts_of_hidden_cases_that_fail_alike_are_one_line() -> None:
+    parts = ("settling time", "overshoot")
+    hidden = [finding(f"hidden case {number}: {part}", False, part) for number in (1, 2, 4) for part in parts]
+    shown = card({"status": "incorrect", "findings": hidden})
+    assert [(cell.title, cell.of) for cell in shown.failed] == [
+        ("Hidden cases 1 and 2: settling time", 2.0),
+        ("Hidden cases 1 and 2: overshoot", 2.0),
+        ("Hidden case 4: settling time", 1.0),
+        ("Hidden case 4: overshoot", 1.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("message", "measured", "shown"),
+    [
+        ("Measured 3.756; at most 0.05 is allowed.", 3.75583, ""),
+        ("It leaves [-1.5, 1.5] by 177.2.", 177.23, ""),
+        ("It is smaller. In yours: model.nu = 1.", "model.nu = 1", ""),
+        ("It departs at step 1.", 1.0031, "1.0031"),
+        ("It is off by 0.943 s.", 0.9424, "0.9424"),
+    ],
+)
+def test_what_the_message_has_is_not_said_again(message: str, measured: object, shown: str) -> None:
+    (cell,) = card({"status": "incorrect", "findings": [finding("a", False, message) | {"measured": measured}]}).failed
+    assert cell.measured == shown
+
+
+def test_a_diagnosis_that_begins_with_a_case_has_a_capital_letter() -> None:
+    told = "from hanging to 1.2 rad: It overshoots."
+    findings = [finding("from hanging to 1.2 rad: overshoot", False, "It overshoots.")]
+    assert card({"status": "incorrect", "diagnosis": told, "findings": findings}).diagnosis.startswith("From hanging")
+
+
 def test_a_syntax_error_is_shown_at_its_line() -> None:
     told = "SyntaxError: expected ':' (line 2: def f())"
     shown = card({"status": "crashed", "diagnosis": told}, source="import mujoco\ndef f()\n    pass")

@@ -23,13 +23,13 @@ from grader.web.instructor import (
     statistics,
     today,
 )
-from grader.web.learner import answering, pages
+from grader.web.learner import answering, media, pages
 from grader.web.platform import lti
 from grader.web.signing_in import devices, links, oidc
 
 router = APIRouter(include_in_schema=False)
-for room in (pages, answering, links, oidc, devices, today, review_list, review, review_script, people, gradebook,
-             reel, statistics, extensions, service, seen_as, regrades, lti, platforms, courses, dates,
+for room in (pages, media, answering, links, oidc, devices, today, review_list, review, review_script, people,
+             gradebook, reel, statistics, extensions, service, seen_as, regrades, lti, platforms, courses, dates,
              answers_page, scripts_page, slides, learner_page, alike_page, draft):  # fmt: skip
     router.routes.extend(room.router.routes)
 

@@ -2,25 +2,34 @@
 
 import hashlib
 import os
+import re
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Condition, Thread
+from typing import NamedTuple, Self
 
 from grader.errors import ContentError, Fault, NotFound, Outdated
-from grader.grading.checking import Report, check_content
+from grader.grading.checking import check_content
 from grader.grading.pipeline import Pipeline
+from grader.grading.report import Report
 from grader.grading.selection import Selection
 from grader.library import Library, PassedChecks, load
 from grader.library.files import QUIZ_BYTES_MAX, read_text
-from grader.library.question_text import find_question, replace_question
+from grader.library.question_text import find_id, find_question
 from grader.library.quiz_files import list_quiz_files, outline_quiz
+from grader.library.scaffold import add_exercise, add_question
 
-WATCHED = ("quizzes/**/*", "lessons/*.md", "models/**/*", "programs/**/*", "reference_solutions/*/*/*.py")
+WATCHED = (
+    "quizzes/**/*", "lessons/*.md", "models/**/*", "programs/**/*", "images/**/*", "files/**/*",
+    "reference_solutions/*/*/*.*",
+)  # fmt: skip
 
 CHANGED = "The file has changed since you read it: nothing was saved. Copy what you typed, and read the page again."
+
+TAG = re.compile(r"([0-9a-f]{16})-(\d{1,9})-(\d{1,9})")
 
 OpenPipeline = Callable[[Library], AbstractContextManager[Pipeline]]
 
@@ -32,6 +41,51 @@ class Check:
     revision: str
     doing: str = "starting"
     report: Report | None = None
+
+
+@dataclass(frozen=True)
+class Tag:
+    """What a page shows of a file: of the text with this `digest` all but the characters `before` and `after` it. So
+    what is saved takes the place of what was shown, whatever its own id or syntax has become."""
+
+    digest: str
+    before: int
+    after: int
+
+    @classmethod
+    def of(cls, text: str, start: int, end: int) -> Self:
+        """Returns the tag of a part of a text."""
+        return cls(hash_text(text), start, len(text) - end)
+
+    @classmethod
+    def read(cls, tag: str) -> Self | None:
+        """Returns a tag that was written as text; None for what is none."""
+        found = TAG.fullmatch(tag)
+        return cls(found[1], int(found[2]), int(found[3])) if found else None
+
+    def __str__(self) -> str:
+        return f"{self.digest}-{self.before}-{self.after}"
+
+    @property
+    def is_part(self) -> bool:
+        """Whether it is of less than the whole text."""
+        return bool(self.before or self.after)
+
+    def fits(self, text: str) -> bool:
+        """Whether the text is still the same."""
+        return self.digest == hash_text(text) and self.before + self.after <= len(text)
+
+
+class Saved(NamedTuple):
+    """The id of the question that was saved, which its author may have changed, and the tag of its source now."""
+
+    question: str
+    tag: str
+
+
+def hash_text(text: str) -> str:
+    """Returns a digest of a text, by which a change is noticed."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @dataclass
@@ -78,33 +132,43 @@ class AuthorDesk:
         return found
 
     def read_source(self, quiz: str, question: str) -> tuple[str, str, bool]:
-        """Returns the source of a question, the tag of its file, and whether it is that of the whole file, as while
-        the question cannot be found in it. Raises NotFound."""
+        """Returns the source of a question, the tag under which it is saved, and whether it is that of the whole file,
+        as while the question cannot be found in it. Raises NotFound."""
         file = self.find_file(quiz)
         text = self._read_file(file)
         try:
             start, end = find_question(text, question, file)
         except NotFound:
-            return text, tag_of(text), True
-        return text[start:end], tag_of(text), False
+            return text, str(Tag.of(text, 0, len(text))), True
+        return text[start:end], str(Tag.of(text, start, end)), False
 
-    def save_source(self, quiz: str, question: str, source: str, tag: str) -> None:
-        """Writes the source of a question, or of the whole file where `read_source` gave that. Raises NotFound, and
-        Outdated where the file has changed since it had this tag."""
+    def save_source(self, quiz: str, question: str, source: str, tag: str) -> Saved:
+        """Writes a source in place of what `read_source` gave with this tag, a question or the whole file. Raises
+        NotFound, and Outdated where the file has changed since."""
         file = self.find_file(quiz)
         with self.changed:
-            text = self._read_file(file)
-            if tag_of(text) != tag:
+            text, shown = self._read_file(file), Tag.read(tag)
+            if shown is None or not shown.fits(text):
                 raise Outdated(CHANGED)
-            whole = self.read_source(quiz, question)[2]
-            place = self.root / file
+            place, end = self.root / file, len(text) - shown.after
+            saved = text[: shown.before] + (source.strip() if shown.is_part else source) + text[end:]
             with tempfile.NamedTemporaryFile("wb", dir=place.parent, prefix=".saving-", delete=False) as new:
-                new.write((source if whole else replace_question(text, question, source, file)).encode())
+                new.write(saved.encode())
             Path(new.name).chmod(place.stat().st_mode & 0o777)
-            if tag_of(self._read_file(file)) != tag:  # by an editor of another program meanwhile
+            if self._read_file(file) != text:  # by an editor of another program meanwhile
                 Path(new.name).unlink()
                 raise Outdated(CHANGED)
             Path(new.name).replace(place)
+        now = find_id(saved, shown.before, file) if shown.is_part else None
+        return Saved(now or question, str(Tag.of(saved, shown.before, len(saved) - shown.after)))
+
+    def add_question(self, quiz: str, kind: str) -> str:
+        """Adds an example of a kind of question, or `exercise:` and a kind of exercise, at the end of a quiz. Returns
+        its id. Raises NotFound, Conflict, and ContentError where the quiz cannot be read."""
+        with self.changed:
+            sort, _, name = kind.rpartition(":")
+            (add_exercise if sort == "exercise" else add_question)(self.root, quiz, name)
+            return dict(self.list_questions())[quiz][-1]
 
     def _read_file(self, file: str) -> str:
         text = read_text(self.root, file, QUIZ_BYTES_MAX)
@@ -149,11 +213,6 @@ class AuthorDesk:
         with self.changed:
             self.changed.wait_for(lambda: check.report is not None, seconds)
         return check.report
-
-
-def tag_of(text: str) -> str:
-    """Returns the tag of a file's text, by which a change is noticed."""
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def list_about(faults: list[Fault], file: str, question: str) -> Iterator[Fault]:

@@ -5,6 +5,7 @@ from typing import Any
 from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
 
+from grader.certify.keys import propose_for_question
 from grader.courses.answering.policies import read_policies
 from grader.errors import ContentError, NotFound, Outdated
 from grader.gate.services import AppServices
@@ -43,7 +44,7 @@ def publish(request: Request, services: AppServices, who: Instructor, form: Form
         return render(request, services, who, str(error) if form.get("revision") else NO_REVISION, 412)
     except ContentError:
         return render(request, services, who, "Nothing was published: mend the faults below.", 422)
-    return RedirectResponse("/instructor/content?loaded=yes", 303)
+    return RedirectResponse("/instructor/content?loaded=published", 303)
 
 
 @router.get(f"{PAGE}/{{quiz_id}}/{{question_id}}")
@@ -51,8 +52,8 @@ def show_question(
     quiz_id: str, question_id: str, request: Request, services: AppServices, who: Instructor, *,
     state: str = "unanswered",
 ) -> Response:  # fmt: skip
-    """A question of the folder in a state, as a student of the course will see it, with its certificate. Raises
-    NotFound, Unauthorized, Forbidden."""
+    """A question of the folder in a state, as a student of the course will see it, with its certificate or a proposal.
+    Raises NotFound, Unauthorized, Forbidden."""
     library = services.content.of(who.course).read_draft().library
     if library is None:
         raise NotFound("The folder has faults: mend them, and its questions can be seen.")
@@ -60,11 +61,13 @@ def show_question(
     chosen = state if state in STATES else "unanswered"
     with services.database.read() as session:
         policy = read_policies(session, library, who.course, [quiz_id])[quiz_id]
-    rows = list_certificates(library, services.content.archive.passed)
+    passed = services.content.archive.passed
+    rows = list_certificates(library, passed)
     return page(
         request, "draft_question.html", who=who, quiz=quiz, question=question_id, state=chosen, states=STATES,
         preview=build_preview(library, quiz, question, chosen, policy), samples=list_samples(question), seen_as=True,
         starter=library.starter(question) if kind_of(question).is_script else None, learner="",
+        proposals=[one.to_json() for one in propose_for_question(library, quiz_id, question, passed)],
         certificates=[row for row in rows if (row["quiz"], row["question"]) == (quiz_id, question_id)],
     )  # fmt: skip
 
@@ -76,8 +79,9 @@ def render(request: Request, services: AppServices, who: Instructor, trouble: st
     changes = list_changes(now, draft.library) if draft.library is not None else []
     answered = count_answered(services, who.course, changes)
     rows = [describe_change(change, now, draft, answered) for change in changes]
+    remarks = [one for one in draft.library.warnings if one not in now.warnings] if draft.library is not None else []
     return page(
-        request, "draft.html", status, who=who, draft=draft, rows=rows, trouble=trouble,
+        request, "draft.html", status, who=who, draft=draft, rows=rows, trouble=trouble, remarks=remarks,
         is_same=draft.library is not None and draft.revision == revise(now),
         to_regrade=sorted({row["quiz"] for row in rows if row["regrade"]}),
     )  # fmt: skip

@@ -7,10 +7,11 @@ from fastapi import APIRouter, Header, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 
-from grader.errors import NotFound, Outdated
-from grader.grading.checking import Report
+from grader.errors import Conflict, ContentError, NotFound, Outdated
+from grader.grading.report import Report
 from grader.library import Library
-from grader.questions import kind_of
+from grader.library.scaffold import list_exercise_kinds
+from grader.questions import installed_kinds, kind_of
 from grader.web.author.desk import AuthorDesk, Check, list_about
 from grader.web.author.preview import STATES, build_preview, list_samples, try_form
 from grader.web.frame.inputs import FormFields
@@ -63,23 +64,35 @@ def save(quiz: str, question: str, request: Request, fields: FormFields) -> Resp
     sent = {name: values[0] for name, values in fields.items()}
     source, tag = sent.get("source", "").replace("\r\n", "\n"), sent.get("tag", "")
     try:
-        get_desk(request).save_source(quiz, question, source, tag)
+        saved = get_desk(request).save_source(quiz, question, source, tag)
     except Outdated as error:
         return render(request, quiz, question, "unanswered", typed=source, trouble=str(error))
-    return RedirectResponse(f"/edit/{quiz}/{question}", 303)
+    return RedirectResponse(f"/edit/{quiz}/{saved.question}", 303)
+
+
+@router.post("/add/{quiz}/{question}")
+def add(quiz: str, question: str, request: Request, fields: FormFields) -> Response:
+    """Adds an example of a kind to the quiz of this page, and shows it; where it cannot be added, says why beside this
+    question. Raises NotFound."""
+    try:
+        added = get_desk(request).add_question(quiz, fields.get("kind", [""])[0])
+    except (Conflict, ContentError) as error:
+        return render(request, quiz, question, "unanswered", trouble=str(error))
+    return RedirectResponse(f"/edit/{quiz}/{added}", 303)
 
 
 @router.put("/source/{quiz}/{question}")
 async def put_source(quiz: str, question: str, request: Request, if_match: Annotated[str, Header()] = "") -> Response:
-    """Saves the source of a question for the script of the page: 204 with the new tag, 412 where the file has changed
-    since it had the tag of `If-Match`. Raises NotFound."""
+    """Saves the source of a question for the script of the page: 204 with the new tag, and the address of its page
+    where the question has another id now; 412 where the file has changed since it had the tag of `If-Match`. Raises
+    NotFound."""
     desk, source = get_desk(request), (await request.body())[:SOURCE_BYTES_MAX].decode(errors="replace")
     try:
-        await run_in_threadpool(desk.save_source, quiz, question, source, if_match.strip('"'))
+        saved = await run_in_threadpool(desk.save_source, quiz, question, source, if_match.strip('"'))
     except Outdated as error:
         return JSONResponse({"why": str(error)}, 412)
-    tag = (await run_in_threadpool(desk.read_source, quiz, question))[1]
-    return Response(None, 204, {"ETag": f'"{tag}"'})
+    moved = {} if saved.question == question else {"Location": f"/edit/{quiz}/{saved.question}"}
+    return Response(None, 204, {"ETag": f'"{saved.tag}"'} | moved)
 
 
 @router.get("/changes/{quiz}/{question}")
@@ -115,7 +128,8 @@ def render(
         request, "author.html", quizzes=desk.list_questions(), quiz={"id": quiz}, question=question, file=file,
         source=source if typed is None else typed, tag=tag, is_whole=is_whole, trouble=trouble,
         is_writable=desk.is_writable, state=state, states=STATES, seen=read_state(desk, quiz, question),
-        seen_as=state == "due", learner="",
+        seen_as=state == "due", learner="", exercises=list_exercise_kinds(),
+        kinds=[name for name, kind in installed_kinds().items() if not kind.is_script],
         **describe_report(report, check, loaded, file, question), **shown,
     )  # fmt: skip
 
@@ -142,6 +156,7 @@ def describe_report(
         "faults": list(list_about(faults, file, question)),
         "remarks": [] if report is None else report.warnings,
         "certificates": [] if report is None else [one | {"figure": draw_key(one)} for one in report.certificates],
+        "proposals": [] if report is None else report.proposals,
         "references": [] if report is None else report.references,
         "luck": [] if report is None else report.chances,
         "doing": check.doing if report is None else "",

@@ -1,5 +1,6 @@
 """`/instructor/class/{quiz}/{question}`: the class at one question, on one axis and by mistake. It needs no script."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -8,25 +9,26 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
 from grader.courses.people.identity import Identity
-from grader.courses.reporting.class_answers import ATTEMPTS_MAX, ClassAnswers, ClassAttempt
-from grader.courses.rules.claims import Claim, ClaimAxis
+from grader.courses.reporting.class_answers import ATTEMPTS_MAX, OPTION, ClassAnswers, ClassAttempt
 from grader.courses.rules.mistakes import Family, Made, find_cure
+from grader.domain.axes import ClassAxis, Position
 from grader.gate.services import AppServices, Services
 from grader.questions import Question, kind_of
-from grader.web.cohort.axis_plot import ClassPlot, draw_class, write_claim
+from grader.web.cohort.axis_plot import ClassPlot, draw_class
+from grader.web.cohort.axis_words import describe_near, describe_right, round_position
 from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import page
 from grader.web.instructor.review_list import PAGE as REVIEW
 from grader.web.instructor.statistics import CLASS
 from grader.web.learner.pages import show_sign_in
-from grader.web.text.numbers import number as write
-from grader.web.text.numbers import quantity
 from grader.web.text.questions import list_titles
 
 ALONE = 4
 """So many mistakes of one learner each are shown at once; more are folded."""
 NAMES = 60
 """Learners of a mistake that are named."""
+FIGURES = 3
+"""Wrong answers that agree to so many figures are one."""
 
 router = APIRouter(include_in_schema=False)
 
@@ -81,11 +83,20 @@ class ClassAt:
         """How many have an attempt."""
         return len(self.answers.by_learner)
 
-    def choose_axis(self, wanted: str) -> ClaimAxis | None:
-        """Returns the axis of this id; without one the first with a right value, None where there is none."""
+    def choose_axis(self, wanted: str) -> ClassAxis | None:
+        """Returns the axis of this id; without one that on which most learners are wrong, of those with a right value;
+        None where there is none."""
         axes = self.answers.axes
         found = [axis for axis in axes if axis.id == wanted] or [axis for axis in axes if axis.right] or list(axes)
-        return found[0] if found else None
+        return max(found, key=lambda axis: len(self.list_wrong(axis)), default=None)
+
+    def list_wrong(self, axis: ClassAxis) -> list[Position]:
+        """Returns the newest position of each learner who is wrong on an axis."""
+        placed = (
+            [one.positions[axis.id] for one in theirs if axis.id in one.positions]
+            for theirs in self.answers.by_learner.values()
+        )
+        return [theirs[-1] for theirs in placed if theirs and not axis.accepts(theirs[-1])]
 
     def find_family(self, key: str) -> Family | None:
         """Returns the mistake of this key."""
@@ -173,34 +184,36 @@ def list_options(at: ClassAt) -> list[Listed]:
     return listed
 
 
-def choose_headline(at: ClassAt, axis: ClaimAxis | None, plot: ClassPlot | None) -> str:
+def choose_headline(at: ClassAt, axis: ClassAxis | None, plot: ClassPlot | None) -> str:
     """Says what is to be seen of the class, from the numbers alone."""
     solved, learners = len(at.answers.solved), at.learners
     if not learners:
         return "Nobody has answered yet"
     solve = f"{solved} of {learners} {'has' if learners == 1 else 'have'} solved it"
     if plot is not None and axis is not None and axis.right is not None and plot.near > solved:
-        what = "claims hold the limit" if axis.is_limit else "numbers are right"
-        return f"{plot.near} of {plot.claims} {what}, yet only {solve}"
+        return f"{plot.near} of {plot.claims} {describe_near(axis)}, yet only {solve}"
     still = [one for one in at.families if one.still]
     if still and len(still[0].still) > 1:
         return f"{solve}; {len(still[0].still)} still end in one mistake"
     return solve
 
 
-def advise(at: ClassAt, axis: ClaimAxis | None, plot: ClassPlot | None) -> list[str]:
+def advise(at: ClassAt, axis: ClassAxis | None, plot: ClassPlot | None) -> list[str]:
     """Returns what to say to the class: at most two sentences, from the numbers; none where there is nothing to say."""
     sentences = []
     for family in sorted(at.families, key=lambda one: (-len(one.still), -one.learners))[:1]:
         if family.learners > 1:
             cure = find_cure(family.sentence)
             mended = f", {len(family.was)} no longer" if family.was else ""
-            count = f"{len(family.still)} of {at.learners} learners still get this verdict{mended}"
+            still = "answer so" if family.key.startswith(OPTION) else "get this verdict"
+            count = f"{len(family.still)} of {at.learners} learners still {still}{mended}"
             sentences.append(f"{count}: “{family.name}.”" + (f" Say: {cure}" if cure else ""))
     wrong = find_wrong_pile(at, axis)
     if axis is not None and plot is not None and wrong is not None:
         shared, value = wrong
-        sentences.append(f"The commonest wrong answer is {value} ({shared} learners); {describe_right(axis)}.")
+        same = f"{shared} learners have the same {axis.measure}, {value}" if axis.measure else ""
+        common = same or f"The commonest wrong answer is {value} ({shared} learners)"
+        sentences.append(f"{common}; {describe_right(axis)}.")
     elif len(at.families) > 1 and at.families[1].learners > 1:
         other = at.families[1]
         sentences.append(f"{other.learners} learners met “{other.name}”; {len(other.was)} got past it.")
@@ -209,30 +222,10 @@ def advise(at: ClassAt, axis: ClaimAxis | None, plot: ClassPlot | None) -> list[
     return sentences
 
 
-def describe_right(axis: ClaimAxis) -> str:
-    """Says where the right value lies; nothing more where it is unknown."""
-    if axis.right is None:
-        return "here nothing is unstable" if axis.is_limit else "the right one is unknown"
-    value = axis.right[0] if axis.is_limit else sum(axis.right) / 2
-    said = quantity(value, axis.unit) if axis.unit else write(value)
-    return f"the limit is {said}" if axis.is_limit else f"{said} is right"
-
-
-def find_wrong_pile(at: ClassAt, axis: ClaimAxis | None) -> tuple[int, str] | None:
-    """Returns how many learners share the commonest wrong claim, and the claim; None where no two share one."""
+def find_wrong_pile(at: ClassAt, axis: ClassAxis | None) -> tuple[int, str] | None:
+    """Returns how many learners share the commonest wrong answer, and the answer; None where no two share one."""
     if axis is None:
         return None
-    found: dict[str, int] = {}
-    for theirs in at.answers.by_learner.values():
-        claims = [one.claims[axis.id] for one in theirs if axis.id in one.claims]
-        if claims and not axis.accepts(claims[-1]):
-            claim = claims[-1]
-            said = "no limit" if claim.is_none else write_claim(Claim(*[round_figures(claim.middle)] * 2), axis)
-            found[said] = found.get(said, 0) + 1
-    said, count = max(found.items(), key=lambda one: one[1], default=("", 0))
+    wrong = Counter(round_position(one, FIGURES, axis) for one in at.list_wrong(axis))
+    said, count = max(wrong.items(), key=lambda one: one[1], default=("", 0))
     return (count, said) if count > 1 else None
-
-
-def round_figures(value: float) -> float:
-    """Returns a number to three figures, so that equal methods give equal words."""
-    return float(f"{value:.3g}")

@@ -1,4 +1,4 @@
-"""The class on one axis: a dot for each learner's newest claim, named piles, and arrows from where claims moved."""
+"""The class on one axis: a dot for each learner's newest answer, named piles, and arrows from where answers moved."""
 
 import math
 from collections import Counter
@@ -9,27 +9,30 @@ from html import escape
 from markupsafe import Markup
 
 from grader.courses.reporting.class_answers import ClassAnswers, ClassAttempt
-from grader.courses.rules.claims import Claim, ClaimAxis
-from grader.web.text.numbers import capitalize, quantity
-from grader.web.text.numbers import number as write
+from grader.courses.rules.mistakes import OTHER
+from grader.domain.axes import ClassAxis, Position
+from grader.web.cohort.axis_range import choose_range
+from grader.web.cohort.axis_words import UNIT_SIGNS, describe_axis, name_line, write_position
+from grader.web.cohort.pile_names import HEIGHT, Box, Label, place_labels, shorten_mistake
 from grader.web.verdict.svg import Axis, Drawing, estimate_width, trim
 
 TOP, BAND, FOOT, ARCS = 64.0, 20.0, 30.0, 46.0
 """Room above the piles for names, heights of the band and of the ticks, and room for the arrows below."""
 DOT, STACK = 13.0, 200.0
 """Diameter of a dot with its gap, and the height of the highest pile."""
-SIDE = 30.0
-FAR = 2.1
-"""Claims further from the right value than this factor stand in a pile at the end of the axis."""
-NAME, NAME_NARROW = 40, 24
-"""Signs of a pile's name."""
-LINE, LINES = 17.0, 3
-"""Height of a name, and how many may stand above each other."""
-NAMED_MAX = 4
+SIDE, APART = 30.0, 36.0
+"""Room beside the axis, and how far from its end those without a number stand."""
+NAMED_MAX, NAMED_NARROW = 5, 3
+"""Piles that have a name, in a wide picture and in a narrow one."""
 ARROWS_MAX = 40
+HEAD, OPENING = 8.0, 0.45
+"""Length of an arrow's head, and half its angle [rad]."""
 LINKS_MAX = 80
 """Learners whose dots are links; of more the table alone has them."""
 WIDE, SMALL = 1120.0, 308.0
+NARROW_BELOW = 500.0
+NAMES_TOP = 16.0
+"""How high names of piles may stand: the limit's is above."""
 
 Address = Callable[[ClassAttempt], str]
 
@@ -39,9 +42,9 @@ class Dot:
     """A learner's newest claim. `before` is the first one, where that lay elsewhere."""
 
     attempt: ClassAttempt
-    claim: Claim
+    position: Position
     is_solved: bool
-    before: Claim | None
+    before: Position | None
     is_own: bool = False
 
 
@@ -71,17 +74,17 @@ class Canvas:
     """A picture under way: its axis, where the band begins, and the height of a dot."""
 
     drawing: Drawing
-    axis: ClaimAxis
+    axis: ClassAxis
     across: Axis
     base: float
     gap: float
 
 
-def list_dots(answers: ClassAnswers, axis: ClaimAxis, own: str = "") -> list[Dot]:
+def list_dots(answers: ClassAnswers, axis: ClassAxis, own: str = "") -> list[Dot]:
     """Returns the dots of an axis; `own` is the learner who looks."""
     dots = []
     for learner, theirs in answers.by_learner.items():
-        claimed = [(one, one.claims[axis.id]) for one in theirs if axis.id in one.claims]
+        claimed = [(one, one.positions[axis.id]) for one in theirs if axis.id in one.positions]
         if not claimed:
             continue
         (_, first), (newest, last) = claimed[0], claimed[-1]
@@ -91,41 +94,38 @@ def list_dots(answers: ClassAnswers, axis: ClaimAxis, own: str = "") -> list[Dot
 
 
 def draw_class(
-    answers: ClassAnswers, axis: ClaimAxis, *, address: Address | None = None, own: str = "", named_from: int = 1
+    answers: ClassAnswers, axis: ClassAxis, *, address: Address | None = None, own: str = "", named_from: int = 1
 ) -> ClassPlot:
-    """Draws the claims of a class. With an `address` each dot leads to its answer, and bears the learner's name.
+    """Draws the answers of a class. With an `address` each dot leads to its answer, and bears the learner's name.
     Without one nothing tells whose it is, and there are no arrows. Smaller piles than `named_from` have no name."""
     dots = list_dots(answers, axis, own)
-    near = sum(axis.accepts(dot.claim) for dot in dots)
-    title = f"{axis.title}: where each learner says it lies" if axis.is_limit else f"{axis.title} of each learner"
-    caption = "One dot is the newest claim of one learner: full where the exercise is solved, hollow where it is not."
-    low, high = choose_range(dots, axis)
-    if any(dot.claim.is_none or not low <= dot.claim.middle <= high for dot in dots):
-        caption += (
-            " Claims that lie further off stand at the ends; at the right stands who said that there is no limit."
-        )
-    if address is not None and any(dot.before for dot in dots):
-        caption += " Arrows show how claims moved."
+    near = sum(axis.accepts(dot.position) for dot in dots)
     view, widths = View(address, named_from), {"wide-plot": WIDE, "narrow-plot": SMALL}
     pictures = Markup().join(draw(dots, axis, width, kind, view) for kind, width in widths.items())
     table = [
-        (dot.attempt.name, write_claim(dot.claim, axis), describe_mistake(dot)) for dot in sorted(dots, key=sort_key)
+        (dot.attempt.name, write_position(dot.position, axis), describe_mistake(dot))
+        for dot in sorted(dots, key=sort_key)
     ]
-    return ClassPlot(title, caption, pictures, table, near, len(dots))
+    caption = write_caption(dots, axis, has_arrows='class="move"' in pictures)
+    return ClassPlot(describe_axis(axis), caption, pictures, table, near, len(dots))
+
+
+def write_caption(dots: Sequence[Dot], axis: ClassAxis, *, has_arrows: bool) -> str:
+    """Says what is to be seen, and what stands where it does not lie."""
+    said = "One dot is the newest answer of one learner: full where the exercise is solved, hollow where it is not."
+    low, high = choose_range([dot.position for dot in dots], axis)
+    numbers = [dot.position.middle for dot in dots if not dot.position.is_none]
+    if any(value > high or (value < low and not axis.is_log) for value in numbers):
+        said += " What lies further off stands at the ends."
+    if len(numbers) < len(dots):
+        said += f" At the right end, apart: {axis.none}."
+    said += f" {axis.note}" if axis.note else ""
+    return said + (" Arrows show how answers moved." if has_arrows else "")
 
 
 def sort_key(dot: Dot) -> tuple[bool, float, str]:
     """Sorts dots from the left; those who said that there is no limit come last."""
-    return dot.claim.is_none, 0.0 if dot.claim.is_none else dot.claim.middle, dot.attempt.name
-
-
-def write_claim(claim: Claim, axis: ClaimAxis) -> str:
-    """Returns a claim in words."""
-    if claim.is_none:
-        return "no limit"
-    if claim.low == claim.high:
-        return quantity(claim.low, axis.unit) if axis.unit else write(claim.low)
-    return f"{write(claim.low)} to {quantity(claim.high, axis.unit)}"
+    return dot.position.is_none, 0.0 if dot.position.is_none else dot.position.middle, dot.attempt.name
 
 
 def describe_mistake(dot: Dot) -> str:
@@ -135,158 +135,200 @@ def describe_mistake(dot: Dot) -> str:
     return dot.attempt.mistake.name
 
 
-def choose_range(dots: Sequence[Dot], axis: ClaimAxis) -> tuple[float, float]:
-    """Returns the ends of the axis: of the claims that are not far off, the right value and the marks."""
-    values = [dot.claim.middle for dot in dots if not dot.claim.is_none]
-    known = [*(axis.right or ()), *(value for _, value in axis.marks)]
-    near = sum(axis.right) / 2 if axis.right else sorted(values)[len(values) // 2] if values else 0.0
-    if near > 0:
-        values = [value for value in values if near / FAR <= value <= near * FAR]
-    low, high = min([*values, *known, near]), max([*values, *known, near])
-    margin = 0.06 * (high - low) or 0.1 * abs(near) or 1.0
-    return low - margin, high + margin
-
-
-def draw(dots: Sequence[Dot], axis: ClaimAxis, width: float, kind: str, view: View) -> Markup:
+def draw(dots: Sequence[Dot], axis: ClassAxis, width: float, kind: str, view: View) -> Markup:
     """Returns the picture at one width."""
-    across = Axis(*choose_range(dots, axis), SIDE, width - SIDE)
+    has_none = any(dot.position.is_none for dot in dots)
+    ends = choose_range([dot.position for dot in dots], axis)
+    has_zero = axis.is_log and any(dot.position.middle < ends[0] for dot in dots)
+    left, right = SIDE + (APART - SIDE / 2 if has_zero else 0), width - SIDE - (APART - SIDE / 2 if has_none else 0)
+    across = Axis(*ends, left, right, axis.is_log)
     piles = stack(dots, axis, across)
     most = max(map(len, piles.values()), default=1)
     gap = min(DOT, STACK / most)
     base = TOP + gap * most + 4
-    has_arrows = view.address is not None and any(dot.before for dot in dots)
-    drawing = Drawing(width, base + BAND + FOOT + (ARCS if has_arrows else 0))
+    moves = [] if view.address is None else list_moves(dots, axis, across)
+    drawing = Drawing(width, base + BAND + FOOT + (ARCS if moves else 0))
     canvas = Canvas(drawing, axis, across, base, gap)
     draw_band(canvas)
-    draw_marks(canvas)
-    name_piles(canvas, piles, view.named_from)
+    if has_zero:
+        drawing.text("≈ 0", left - APART, base + BAND + 18, anchor="middle")
+    taken = draw_marks(canvas)
+    name_piles(canvas, piles, taken, view.named_from)
     address = view.address if len(dots) <= LINKS_MAX else None
     for x, pile in piles.items():
         for place, dot in enumerate(pile):
             at = (x, base - gap * (place + 0.5) - 2)
             drawing.parts.append(write_dot(dot, axis, at, gap / 2 - 1, address))
-    if has_arrows:
-        draw_arrows(drawing, dots, across, base + BAND + FOOT)
-    label = f"{axis.title}: {len(dots)} claims. The table below has each."
+    draw_arrows(drawing, moves, base + BAND + FOOT)
+    label = f"{describe_axis(axis)}: {len(dots)} learners. The table below has each."
     box = f"0 0 {trim(drawing.width)} {trim(drawing.height)}"
     role = "img" if address is None else "group"
     text = f'<svg class="plot class-plot {kind}" viewBox="{box}" role="{role}" aria-label="{escape(label)}">'
     return Markup(f"{text}{''.join(drawing.parts)}</svg>")  # noqa: S704  # escaped by Drawing and write_dot
 
 
-def stack(dots: Sequence[Dot], axis: ClaimAxis, across: Axis) -> dict[float, list[Dot]]:
-    """Returns the dots by the pixel of their pile; claims beyond an end stand at that end, solved ones below."""
+def stack(dots: Sequence[Dot], axis: ClassAxis, across: Axis) -> dict[float, list[Dot]]:
+    """Returns the dots by the pixel of their pile; positions beyond an end stand at that end, solved ones below."""
     piles: dict[float, list[Dot]] = {}
-    origin = across.start
-    if axis.right is not None:  # a bracket stands on its side of a limit, a right number on its line
-        origin = across.at(axis.right[0]) + DOT / 2 if axis.is_limit else across.at(sum(axis.right) / 2)
-    ordered = sorted(dots, key=lambda dot: (not dot.is_solved, describe_mistake(dot)))
-    for dot in ordered:
-        at = across.end + SIDE / 2 if dot.claim.is_none else across.at(dot.claim.middle)
-        at = min(max(at, across.start - SIDE / 2), across.end + SIDE / 2)
-        piles.setdefault(DOT * round((at - origin) / DOT) + origin, []).append(dot)
+    for dot in sorted(dots, key=lambda dot: (not dot.is_solved, describe_mistake(dot))):
+        piles.setdefault(find_pile(dot.position, axis, across), []).append(dot)
     return dict(sorted(piles.items()))
+
+
+def find_pile(position: Position, axis: ClassAxis, across: Axis) -> float:
+    """Returns the pixel of a position's pile: apart from the axis without a number, and on a logarithmic one for 0."""
+    if position.is_none:
+        return across.end + APART
+    if axis.is_log and position.middle < across.low:
+        return across.start - APART
+    origin = across.start
+    if axis.limit is not None:  # a bracket stands on its side of a limit, a right number on its line
+        is_side = axis.is_limit or axis.is_at_most or axis.is_at_least
+        origin = across.at(axis.limit) + (DOT / 2 if is_side and not axis.is_whole else 0)
+    if axis.is_whole and across.at(1) - across.at(0) >= DOT:
+        return across.at(position.middle)
+    at = min(max(across.at(position.middle), across.start - SIDE / 2), across.end + SIDE / 2)
+    step, side = round((at - origin) / DOT), choose_side(position, axis)
+    if side:  # `origin` is the first pile beyond the line
+        step = min(step, -1) if side < 0 else max(step, 0)
+    return DOT * step + origin
+
+
+def choose_side(position: Position, axis: ClassAxis) -> int:
+    """Returns on which side of the limit's line a number has to stand, -1 or 1; 0 where it may stand on it."""
+    if axis.limit is None or axis.is_limit or axis.is_whole or not (axis.is_at_most or axis.is_at_least):
+        return 0
+    is_below = position.middle <= axis.limit if axis.is_at_most else position.middle < axis.limit
+    return -1 if is_below else 1
 
 
 def draw_band(canvas: Canvas) -> None:
     """The band below the piles: stable and growing for a limit, accepted for a number; then the ticks."""
     drawing, axis, across, base = canvas.drawing, canvas.axis, canvas.across, canvas.base
-    low, high = axis.right or (math.nan, math.nan)
-    if axis.right and axis.is_limit:
-        drawing.box("stable", across.start, base, across.at(low) - across.start, BAND)
-        drawing.hatch("grows", across.at(low), base, across.end - across.at(low), BAND)
-        if across.at(low) - across.start > 60:
-            drawing.text("stable", across.start + 6, base + 15, "told")
-        if across.end - across.at(low) > 60:
-            drawing.text("grows", across.end - 6, base + 15, "told halo", "end")
-    elif axis.right:
-        drawing.box("shade", across.start, base, across.end - across.start, BAND)
-        drawing.box("passes", across.at(low), base, max(across.at(high) - across.at(low), 3), BAND)
-    drawing.x_axis(across, base + BAND, axis.unit, 8 if drawing.width > 500 else 4)
+    if axis.right is not None:
+        left, right = (min(max(across.at(one), across.start), across.end) for one in axis.right)
+        if axis.is_limit:
+            drawing.box("stable", across.start, base, left - across.start, BAND)
+            drawing.hatch("grows", left, base, across.end - left, BAND)
+            write_sides(canvas, left, ("stable", "grows"))
+        else:
+            drawing.box("shade", across.start, base, across.end - across.start, BAND)
+            drawing.box("passes", left, base, max(right - left, 3), BAND)
+            if axis.is_at_most or axis.is_at_least:
+                sides = ("accepted", "" if axis.note else "not accepted")
+                write_sides(canvas, right if axis.is_at_most else left, sides if axis.is_at_most else sides[::-1])
+    if axis.is_whole:
+        write_whole_ticks(canvas)
+    else:
+        unit = axis.unit if len(axis.unit) <= UNIT_SIGNS else ""
+        drawing.x_axis(across, base + BAND, unit, 8 if drawing.width > NARROW_BELOW else 4)
 
 
-def draw_marks(canvas: Canvas) -> None:
-    """The right value, and the values with names."""
+def write_sides(canvas: Canvas, limit: float, said: tuple[str, str]) -> None:
+    """Writes into the band what is on both sides of the limit, where there is room."""
+    across, y = canvas.across, canvas.base + 15
+    if said[0] and limit - across.start > estimate_width(said[0]) + 12:
+        canvas.drawing.text(said[0], across.start + 6, y, "told halo")
+    if said[1] and across.end - limit > estimate_width(said[1]) + 12:
+        canvas.drawing.text(said[1], across.end - 6, y, "told halo", "end")
+
+
+def write_whole_ticks(canvas: Canvas) -> None:
+    """Writes whole numbers below the band."""
+    drawing, across, y = canvas.drawing, canvas.across, canvas.base + BAND
+    drawing.line("axis", across.start, y, across.end, y)
+    last = math.floor(across.high)
+    step = max(1, math.ceil(last / (16 if drawing.width > NARROW_BELOW else 7)))
+    for value in range(last, -1, -step):
+        x = across.at(value)
+        drawing.line("axis", x, y, x, y + 4)
+        drawing.text(str(value), x, y + 18, anchor="middle")
+
+
+def draw_marks(canvas: Canvas) -> list[Box]:
+    """The limit, and the values with names; returns where these names stand."""
     drawing, axis, across, base = canvas.drawing, canvas.axis, canvas.across, canvas.base
+    taken = []
     for name, value in axis.marks:
         x = across.at(value)
         drawing.line("reference", x, 34, x, base + BAND)
-        is_right_of = axis.right is not None and value > axis.right[0]
+        is_right_of = axis.limit is not None and value > axis.limit
         drawing.text(name, x - 4 if is_right_of else x + 4, 28, "halo", "start" if is_right_of else "end")
-    if axis.right:
-        low, high = axis.right
-        value = low if axis.is_limit else (low + high) / 2
-        x = across.at(value)
-        said = f"{'limit' if axis.is_limit else 'right'} {quantity(value, axis.unit) if axis.unit else write(value)}"
+        half = estimate_width(name) / 2
+        middle = min(max(x + (half if is_right_of else -half), half), drawing.width - half)
+        taken += [Box(middle, half, 15, 32), Box(x, 0, 34, base)]
+    if axis.limit is not None:
+        x, said = across.at(axis.limit), name_line(axis)
         drawing.line("limit", x, 18, x, base + BAND)
         drawing.text(said, x - 6, 12, "name halo", "end" if x - estimate_width(said) > 0 else "start")
+    return taken
 
 
-def name_piles(canvas: Canvas, piles: Mapping[float, list[Dot]], named_from: int) -> None:
-    """Writes the commonest mistake above each pile that lies off the right value, those of most learners first; a line
-    leads to the axis where a name stands. Names that would lie on others are left out."""
+def name_piles(canvas: Canvas, piles: Mapping[float, list[Dot]], taken: Sequence[Box], named_from: int) -> None:
+    """Writes the commonest mistake above each pile that is wrong, those of most learners first; a line leads from a
+    name that stands higher. Names that would lie on others are left out."""
     drawing, axis, base = canvas.drawing, canvas.axis, canvas.base
-    taken: list[tuple[float, float, float]] = []
-    off = [(x, [dot for dot in pile if not axis.accepts(dot.claim)]) for x, pile in piles.items()]
-    named = 0
-    for x, pile in sorted(off, key=lambda one: -len(one[1])):
-        names = Counter(name_dot(dot) for dot in pile)
-        if len(pile) < named_from or not names or named >= (NAMED_MAX if drawing.width > 500 else 2):
-            continue
-        said = shorten(names.most_common(1)[0][0], NAME if drawing.width > 500 else NAME_NARROW)
-        half = estimate_width(said) / 2
-        centre = min(max(x, half), drawing.width - half)
-        lowest = base - canvas.gap * len(piles[x]) - 12
-        free = [
-            y for y in (lowest - LINE * line for line in range(LINES))
-            if not any(abs(centre - at) < half + room and abs(y - height) < LINE for at, room, height in taken)
-        ]  # fmt: skip
-        if not free:
-            continue
-        y = free[0]
-        taken.append((centre, half, y))
-        drawing.text(said, centre, y, "halo", "middle")
-        drawing.line("reference", x, base, x, base + BAND)
-        named += 1
+    is_narrow = drawing.width < NARROW_BELOW
+    tops = {x: base - canvas.gap * len(pile) - 2 for x, pile in piles.items()}
+    wanted: dict[tuple[str, ...], Label] = {}
+    off = [(x, [dot for dot in pile if not axis.accepts(dot.position)]) for x, pile in piles.items()]
+    for x, wrong in sorted(off, key=lambda one: -len(one[1])):
+        names = Counter(filter(None, (name_dot(dot, axis) for dot in wrong)))
+        if len(wrong) >= named_from and 2 * len(wrong) >= len(piles[x]) and names:
+            lines = shorten_mistake(names.most_common(1)[0][0], is_narrow=is_narrow)
+            wanted.setdefault(
+                lines, Label(lines, x, tops[x] - 8, x, tops[x])
+            )  # a name that several piles have stands once
+    rooms = [*taken, *(Box(x, DOT / 2, top, base) for x, top in tops.items())]
+    if axis.limit is not None:
+        rooms.append(Box(canvas.across.at(axis.limit), 0, 0, base))
+    most = NAMED_NARROW if is_narrow else NAMED_MAX
+    labels = place_labels([*wanted.values()], rooms, drawing.width, NAMES_TOP, most)
+    for label in labels:
+        if label.leader.foot > label.leader.top:
+            drawing.line("reference", label.pile, label.leader.top, label.pile, label.leader.foot)
+    for label in labels:
+        for place, line in enumerate(reversed(label.lines)):
+            drawing.text(line, label.x, label.y - HEIGHT * place, "halo", "middle")
 
 
-def name_dot(dot: Dot) -> str:
-    """Returns the name of a wrong claim."""
-    return "said: no limit" if dot.claim.is_none else describe_mistake(dot)
+def name_dot(dot: Dot, axis: ClassAxis) -> str:
+    """Returns the name of a wrong answer."""
+    if dot.position.is_none:
+        return f"said: {axis.none}" if axis.is_limit else axis.none
+    said = describe_mistake(dot)
+    return write_position(dot.position, axis) if said == OTHER else said
 
 
-def shorten(name: str, most: int) -> str:
-    """Returns a mistake's name for a picture: without whose it is, and cut at a word to at most so many signs."""
-    for start in ("Your number is ", "Your number would be ", "You ", "Your ", "The function "):
-        name = name.removeprefix(start)
-    name = capitalize(name)
-    if len(name) <= most:
-        return name
-    return f"{name[: most - 1].rpartition(' ')[0] or name[: most - 1]}…"
-
-
-def write_dot(dot: Dot, axis: ClaimAxis, at: tuple[float, float], radius: float, address: Address | None) -> str:
+def write_dot(dot: Dot, axis: ClassAxis, at: tuple[float, float], radius: float, address: Address | None) -> str:
     """Returns one dot; with an address it is a link that says whose it is."""
     kind = "person" + (" solved" if dot.is_solved else "") + (" own" if dot.is_own else "")
     circle = f'<circle class="{kind}" cx="{trim(at[0])}" cy="{trim(at[1])}" r="{trim(max(radius - 0.5, 1.0))}"/>'
     if address is None:
         return circle
     state = "solved" if dot.is_solved else "not solved"
-    said = escape(f"{dot.attempt.name}: {write_claim(dot.claim, axis)}, {state}")
+    said = escape(f"{dot.attempt.name}: {write_position(dot.position, axis)}, {state}")
     return f'<a href="{escape(address(dot.attempt))}" aria-label="{said}"><title>{said}</title>{circle}</a>'
 
 
-def draw_arrows(drawing: Drawing, dots: Sequence[Dot], across: Axis, top: float) -> None:
-    """Draws an arc from each learner's first claim to the newest, the longest ones; a head says which way."""
-    moves = []
-    for dot in dots:
-        if dot.before is not None and not dot.claim.is_none:
-            ends = [min(max(across.at(one.middle), across.start), across.end) for one in (dot.before, dot.claim)]
-            if abs(ends[1] - ends[0]) > 2 * DOT:
-                moves.append((ends[0], ends[1]))
-    for start, end in sorted(moves, key=lambda one: -abs(one[1] - one[0]))[:ARROWS_MAX]:
-        depth = min(ARCS - 8, 10 + abs(end - start) / 8)
-        way = 1 if end > start else -1
-        curve = f"M{trim(start)} {trim(top)}Q{trim((start + end) / 2)} {trim(top + depth)} {trim(end)} {trim(top)}"
-        head = f"M{trim(end - way * 7)} {trim(top)}L{trim(end)} {trim(top)}L{trim(end - way * 2)} {trim(top + 7)}"
-        drawing.parts.append(f'<path class="move" d="{curve}{head}"/>')
+def list_moves(dots: Sequence[Dot], axis: ClassAxis, across: Axis) -> list[tuple[float, float]]:
+    """Returns from which pile to which the learners moved, between first answer and newest: the longest ways."""
+    ends = [
+        [find_pile(one, axis, across) for one in (dot.before, dot.position)] for dot in dots if dot.before is not None
+    ]
+    moves = [(start, end) for start, end in ends if abs(end - start) > 2 * DOT]
+    return sorted(moves, key=lambda one: -abs(one[1] - one[0]))[:ARROWS_MAX]
+
+
+def draw_arrows(drawing: Drawing, moves: Sequence[tuple[float, float]], top: float) -> None:
+    """Draws an arc for each move; a head says which way."""
+    for start, end in moves:
+        depth = min(2 * (ARCS - 8), 20 + abs(end - start) / 4)  # a quadratic curve goes half as deep
+        middle = (start + end) / 2
+        curve = f"M{trim(start)} {trim(top)}Q{trim(middle)} {trim(top + depth)} {trim(end)} {trim(top)}"
+        back = math.atan2(depth, middle - end)
+        head = [
+            (end + HEAD * math.cos(back + turn), top + HEAD * math.sin(back + turn)) for turn in (-OPENING, OPENING)
+        ]
+        tips = "L".join(f"{trim(x)} {trim(y)}" for x, y in (head[0], (end, top), head[1]))
+        drawing.parts.append(f'<path class="move" d="{curve}M{tips}"/>')

@@ -9,11 +9,12 @@ from fastapi.responses import Response
 
 from grader.courses.answering.access import read_access
 from grader.courses.reporting.class_answers import ClassAnswers
-from grader.courses.rules.claims import Claim, ClaimAxis
 from grader.courses.rules.policy import Shown
+from grader.domain.axes import ClassAxis, Position
 from grader.errors import Conflict
 from grader.gate.services import AppServices
-from grader.web.cohort.axis_plot import draw_class, list_dots, write_claim
+from grader.web.cohort.axis_plot import draw_class, list_dots
+from grader.web.cohort.axis_words import describe_near, round_position
 from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import page
 from grader.web.learner.pages import show_sign_in
@@ -53,9 +54,10 @@ def show_to_learner(
         "title": list_titles(library)[quiz_id, question_id],
         "path": f"/quizzes/{quiz_id}/{question_id}",
         "axes": axes,
-        "axis": chosen,
+        "axis": "" if chosen is None else chosen.id,
+        "near": "" if chosen is None or chosen.right is None else describe_near(chosen),
         "plot": None if chosen is None else draw_class(answers, chosen, own=who.id, named_from=PILE_MIN),
-        "rows": [] if chosen is None else count_claims(answers, chosen),
+        "rows": [] if chosen is None else count_positions(answers, chosen),
         "solved": len(answers.solved),
         "learners": len(answers.by_learner),
         "least": LEARNERS_MIN,
@@ -63,12 +65,12 @@ def show_to_learner(
     return page(request, "class_learner.html", who=who, **context)
 
 
-def count_claims(answers: ClassAnswers, axis: ClaimAxis) -> list[tuple[str, int]]:
+def count_positions(answers: ClassAnswers, axis: ClassAxis) -> list[tuple[str, int]]:
     """Returns the claims on an axis to two figures, with how many learners made each, the commonest first."""
-    counts = Counter(round_claim(dot.claim, axis) for dot in list_dots(answers, axis))
+    counts = Counter(describe_position(dot.position, axis) for dot in list_dots(answers, axis))
     return sorted(counts.items(), key=lambda one: (-one[1], one[0]))
 
 
-def round_claim(claim: Claim, axis: ClaimAxis) -> str:
-    """Returns the middle of a claim to two figures, in words."""
-    return "no limit" if claim.is_none else "about " + write_claim(Claim(*[float(f"{claim.middle:.2g}")] * 2), axis)
+def describe_position(position: Position, axis: ClassAxis) -> str:
+    """Returns the middle of a position to two figures, in words."""
+    return round_position(position, 2, axis) if position.is_none else f"about {round_position(position, 2, axis)}"

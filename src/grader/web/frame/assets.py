@@ -1,15 +1,18 @@
 """Styles, scripts and fonts under an address that names their content, so that browsers keep them for good. The address
-holds one digest of the whole folder: modules import each other, and the style sheet its fonts, by relative
-addresses."""
+holds one digest of all of them: modules import each other, and the style sheet its fonts, by relative addresses. The
+script of a kind of lab, which lies beside its code, is one of them: `labs/KIND.js`."""
 
 import hashlib
 import re
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
 from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
+
+from grader.labs import lab_kinds, script_of
 
 FOLDER = Path(__file__).parents[1] / "static"
 DIGEST_LENGTH = 12
@@ -20,10 +23,16 @@ _files = StaticFiles(directory=FOLDER)
 
 
 @cache
+def list_lab_scripts() -> Mapping[str, Path]:
+    """Returns the scripts of the installed kinds of lab, by the names under which they are served."""
+    return {f"labs/{name}.js": script_of(kind) for name, kind in lab_kinds().items()}
+
+
+@cache
 def digest() -> str:
     """Returns the digest of all files with their names, as they are when the process first asks."""
-    files = sorted(path for path in FOLDER.rglob("*") if path.is_file())
-    parts = (f"{path.relative_to(FOLDER).as_posix()}\0".encode() + path.read_bytes() for path in files)
+    files = {path.relative_to(FOLDER).as_posix(): path for path in FOLDER.rglob("*") if path.is_file()}
+    parts = (f"{name}\0".encode() + path.read_bytes() for name, path in sorted({**files, **list_lab_scripts()}.items()))
     return hashlib.sha256(b"\0".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:DIGEST_LENGTH]
 
 
@@ -39,7 +48,9 @@ async def static_file(path: str, scope: Scope) -> Response:
     is_current = first == digest()
     if rest and (is_current or DIGEST.fullmatch(first)):
         path = rest
-    response = await _files.get_response(path, scope)
+    script = list_lab_scripts().get(path)
+    found, name = (_files, path) if script is None else (StaticFiles(directory=script.parent), script.name)
+    response = await found.get_response(name, scope)
     caching = FOR_GOOD if is_current else "no-cache"
     response.headers.update({"Cache-Control": caching, "X-Content-Type-Options": "nosniff"})
     return response

@@ -9,6 +9,7 @@ from fastapi.concurrency import run_in_threadpool
 from grader.courses.people.identity import Identity, Role
 from grader.errors import Unauthorized, Unprocessable
 from grader.store.tables import ROW_ID_MAX
+from grader.web.frame.multipart import parse_multipart, read_boundary
 
 FIELDS_MAX = 1000
 """Fields of a form: a box for each learner of a large course."""
@@ -38,8 +39,11 @@ Instructor = Annotated[Identity, Depends(require_instructor)]
 
 
 async def read_form_fields(request: Request) -> dict[str, list[str]]:
-    """Reads the values of every field of the form that the browser sent."""
-    return await run_in_threadpool(parse_form, await request.body())
+    """Reads the values of every field of the form that the browser sent; of a file its base64."""
+    body, boundary = await request.body(), read_boundary(request.headers.get("content-type", ""))
+    if boundary is not None:
+        return await run_in_threadpool(parse_multipart, body, boundary, FIELDS_MAX)
+    return await run_in_threadpool(parse_form, body)
 
 
 def parse_form(body: bytes) -> dict[str, list[str]]:

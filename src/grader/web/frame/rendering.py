@@ -10,7 +10,9 @@ from fastapi.responses import Response
 from fastapi.templating import Jinja2Templates
 from jinja2 import ChoiceLoader, FileSystemLoader, FunctionLoader
 
+from grader import labs
 from grader.gate.services import services_in
+from grader.labs import lab_kinds
 from grader.questions import installed_kinds, template_of
 from grader.store import platforms
 from grader.web.frame.assets import static
@@ -49,14 +51,22 @@ PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
 
 
 def load_kind_template(name: str) -> tuple[str, str, Callable[[], bool]] | None:
-    """Loads the template of a kind of question, `kinds/KIND.html`, which lies beside the kind's code: its text, its
-    path, and whether the text is current, for Jinja2's FunctionLoader."""
-    found = re.fullmatch(r"kinds/(.+)\.html", name)
-    kind = installed_kinds().get(found[1]) if found else None
-    if kind is None:
+    """Loads the template of a kind of question, `kinds/KIND.html`, or lab, `labs/KIND.html`, which lies beside the
+    kind's code: its text, its path, and whether the text is current, for Jinja2's FunctionLoader."""
+    path = find_kind_template(name)
+    return None if path is None else (path.read_text(encoding="utf-8"), str(path), lambda: True)
+
+
+def find_kind_template(name: str) -> Path | None:
+    """Returns where the template of an installed kind is; None for another name."""
+    found = re.fullmatch(r"(kinds|labs)/(.+)\.html", name)
+    if found is None:
         return None
-    path = template_of(kind)
-    return path.read_text(encoding="utf-8"), str(path), lambda: True
+    if found[1] == "labs":
+        lab = lab_kinds().get(found[2])
+        return None if lab is None else labs.template_of(lab)
+    kind = installed_kinds().get(found[2])
+    return None if kind is None else template_of(kind)
 
 
 templates = Jinja2Templates(directory=ROOM / "templates")

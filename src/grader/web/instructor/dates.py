@@ -15,6 +15,7 @@ from grader.errors import Outdated, Unprocessable, WrongMoments
 from grader.gate.services import AppServices, Services
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import PRIVATE, page
+from grader.web.instructor.quiz_choice import choose_quiz
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.moments import format_day
 from grader.web.text.zones import convert_moments, write_moment
@@ -86,12 +87,12 @@ def render(
     request: Request, services: Services, who: Identity, quiz: str, *, status: int = 200,
     typed: Mapping[str, str] | None = None, **more: Any,
 ) -> Response:  # fmt: skip
-    """Renders the page of a quiz, of the first one without a choice, with the outcome of a form and what was typed."""
+    """Renders the page of a quiz, see `choose_quiz`, with the outcome of a form and what was typed."""
     library = services.library_for(who)
     quizzes = [one for one in library.quizzes.values() if one.questions]
     if not quizzes:
         return page(request, "dates.html", status, PRIVATE, who=who, quizzes=[])
-    chosen = library.quiz(quiz) if quiz else quizzes[0]
+    chosen = choose_quiz(services, who, quizzes, quiz)
     with services.database.read() as session:
         policies = {one.id: read_course_policy(session, one, who.course) for one in (*quizzes, chosen)}
     context = {

@@ -18,6 +18,7 @@ from grader.store import extensions, people
 from grader.store.tables import ExtensionRow, Member
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
+from grader.web.instructor.quiz_choice import choose_quiz
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.moments import format_day
 from grader.web.text.questions import format_count
@@ -45,12 +46,12 @@ def show(
 
 
 def render(request: Request, services: Services, who: Identity, quiz: str, status: int = 200, **more: Any) -> Response:
-    """Renders the page of a quiz, of the first one without a choice, with the outcome of a form."""
+    """Renders the page of a quiz, see `choose_quiz`, with the outcome of a form."""
     library = services.library_for(who)
     quizzes = [one for one in library.quizzes.values() if one.questions]
     if not quizzes:
         return page(request, "extensions.html", who=who, quizzes=[])
-    chosen = library.quiz(quiz) if quiz else quizzes[0]
+    chosen = choose_quiz(services, who, quizzes, quiz)
     with services.database.read() as session:
         given = [
             {"name": name, "row": row, **describe_dates(row)}

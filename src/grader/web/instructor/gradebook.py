@@ -25,6 +25,7 @@ from grader.store.submissions import SubmissionFilter
 from grader.web.frame.inputs import Instructor, Visitor
 from grader.web.frame.rendering import page
 from grader.web.instructor.people import describe_origin
+from grader.web.instructor.quiz_choice import choose_quiz
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.lessons import group_lessons
 from grader.web.text.questions import list_titles
@@ -80,13 +81,13 @@ def gradebook(
     find: Annotated[str, Query(max_length=200)] = "",
     show: Name = SHOWS[0], by: Name = ORDERS[0], down: bool = False, start: Annotated[int, Query(ge=0, lt=10**6)] = 0,
 ) -> Response:  # fmt: skip
-    """Learners by questions of one quiz, the first without a choice; anyone but an instructor is told to sign in."""
+    """Learners by questions of one quiz, the last answered by default; anyone but an instructor is told to sign in."""
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
     quizzes = [one for one in services.library_for(who).quizzes.values() if one.questions]
     if not quizzes:
         return page(request, "gradebook.html", who=who, quizzes=[])
-    chosen = services.library_for(who).quiz(quiz) if quiz else quizzes[0]
+    chosen = choose_quiz(services, who, quizzes, quiz)
     shown = {"find": find, "show": show if show in SHOWS else SHOWS[0]}
     order = {"by": by if by in ORDERS else ORDERS[0], "descending": down}
     rows = list_rows(services, who, chosen, start, **shown, **order)
@@ -179,7 +180,7 @@ def story(
     return page(
         request, "learner.html", who=who, learner=learner, name=name, parts=parts, following=following,
         total=total, member=member, origin="" if member is None else describe_origin(member), marks=marks,
-        lessons=group_lessons(desk.library.quizzes),
+        lessons=group_lessons(desk.library),
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from grader.courses.reviewing.blinding import blinded, unseen_by
 from grader.courses.reviewing.desk import Desk
 from grader.errors import NotFound
 from grader.gate.services import AppServices
-from grader.library import find_lesson_id
+from grader.library.lesson_text import find_lesson_id
 from grader.questions import Quiz, kind_of
 from grader.store import people, submissions
 from grader.web.frame.inputs import Instructor
@@ -37,7 +37,8 @@ router = APIRouter(include_in_schema=False)
 @router.get("/instructor/learners/{learner}/lessons/{lesson}")
 def lesson_as(learner: str, lesson: str, request: Request, services: AppServices, who: Instructor) -> Response:
     """A lesson as a learner sees it. Raises Unauthorized, Forbidden, NotFound."""
-    desk, found = services.desk_of(who.course), find_lesson(services.library_for(who), f"/lessons/{lesson}")
+    desk = services.desk_of(who.course)
+    found = find_lesson(services.library_for(Identity(learner, "", Role.STUDENT, who.course)), f"/lessons/{lesson}")
     with services.database.write() as session:
         reader = get_learner(session, who, learner)
         work = read_visible_work(session, desk, who, reader, found.quizzes)

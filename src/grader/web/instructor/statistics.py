@@ -1,5 +1,6 @@
 """`/instructor/statistics`: how hard each question is, what it tells apart, and what goes wrong. It needs no script."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -13,9 +14,10 @@ from grader.gate.services import AppServices
 from grader.questions import CountedNumber, Question, kind_of
 from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import page
+from grader.web.instructor.quiz_choice import choose_quiz
 from grader.web.instructor.statistics_plots import draw_bar, plot_estimates
 from grader.web.learner.pages import show_sign_in
-from grader.web.text.numbers import NARROW, number, quantity
+from grader.web.text.numbers import NARROW, capitalize, number, quantity
 from grader.web.text.questions import describe_quiz
 from grader.web.verdict.plots import draw_both
 
@@ -44,39 +46,49 @@ class Bar:
 
 @dataclass(frozen=True)
 class Shown:
-    """One question: its estimates in words, and what was answered."""
+    """One question: what is seen of it at once, its estimates in words, and what was answered."""
 
+    id: str
     title: str
+    share: str
+    """Of its points that learners have."""
+    picture: Markup
+    learners: int
+    commonest: str
+    """The mistake that most learners were told of, else the wrong option or number; empty where no two share one."""
     path: str
     """The page of the class at this question."""
     estimates: tuple[tuple[str, str], ...]
     options: tuple[Bar, ...]
     clusters: tuple[Bar, ...]
     mistakes: tuple[Bar, ...]
+    rare: tuple[Bar, ...]
+    """Mistakes of one learner each."""
 
 
 @router.get(PAGE)
 def statistics(
     request: Request, services: AppServices, who: Visitor, quiz: Annotated[str, Query(max_length=64)] = ""
 ) -> Response:
-    """The statistics of one quiz, the first without a choice; anyone but an instructor is told to sign in."""
+    """The statistics of one quiz, the last answered by default; anyone but an instructor is told to sign in."""
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
     library = services.library_for(who)
     quizzes = [one for one in library.quizzes.values() if one.questions]
     if not quizzes:
         return page(request, "statistics.html", who=who, quizzes=[])
-    chosen = library.quiz(quiz) if quiz else quizzes[0]
+    chosen = choose_quiz(services, who, quizzes, quiz)
     found = services.statistics.compute(services.statistics.version(library, chosen.id, who))
     titles = {view["id"]: view["short"] for view in describe_quiz(library, chosen)["questions"]}
     by_id = {one.id: one for one in chosen.questions}
+    hardest_first = sorted(found.questions, key=lambda one: one.difficulty.value)
     context: dict[str, Any] = {
         "quizzes": quizzes,
         "quiz": chosen,
         "learners": found.learners,
-        "figures": [draw_both(sketch, HALF_WIDTH) for sketch in plot_estimates(found.questions, titles)],
+        "figures": [draw_both(sketch, HALF_WIDTH) for sketch in plot_estimates(hardest_first, titles)],
         "questions": [
-            describe_question(one, by_id[one.question], titles[one.question], chosen.id) for one in found.questions
+            describe_question(one, by_id[one.question], titles[one.question], chosen.id) for one in hardest_first
         ],
         "silent": [titles[one] for one in titles if one not in {each.question for each in found.questions}],
     }
@@ -86,22 +98,47 @@ def statistics(
 def describe_question(one: QuestionStatistics, question: Question, title: str, quiz: str) -> Shown:
     """Returns one question for the template."""
     of, path = one.difficulty.n, f"{CLASS}/{quiz}/{question.id}"
-    clusters = [(describe_value(cluster, question), cluster.learners) for cluster in one.clusters]
+    options = count_options(one, question, path)
+    clusters = tuple(
+        Bar(describe_value(each, question), each.learners, draw_bar(each.learners, of), f"{path}#axis")
+        for each in one.clusters
+    )
+    mistakes = [
+        Bar(words, count, draw_bar(count, of), f"{path}#m-{name_family(words).key}")
+        for words, count in one.mistakes.items()
+    ]
+    shared = tuple(bar for bar in mistakes if bar.learners > 1)
     return Shown(
+        question.id,
         title,
+        f"{100 * one.difficulty.value:.0f}{NARROW}%",
+        draw_bar(one.difficulty.value, 1),
+        of,
+        describe_commonest(shared, options, clusters),
         path,
         (
             (OF_POINTS, describe_share(one.difficulty)),
             (AT_ONCE, describe_share(one.right_at_once)),
             (TELLS, describe_correlation(one.discrimination)),
         ),
-        count_options(one, question, path),
-        tuple(Bar(words, count, draw_bar(count, of), f"{path}#axis") for words, count in clusters),
-        tuple(
-            Bar(words, count, draw_bar(count, of), f"{path}#m-{name_family(words).key}")
-            for words, count in one.mistakes.items()
-        ),
+        options,
+        clusters,
+        shared,
+        tuple(bar for bar in mistakes if bar.learners == 1),
     )
+
+
+def describe_commonest(mistakes: Sequence[Bar], options: Sequence[Bar], clusters: Sequence[Bar]) -> str:
+    """Says what most learners got wrong in one way, and how many; empty where no two did."""
+    wrong = max((bar for bar in options if not bar.is_right), key=lambda bar: bar.learners, default=None)
+    for kind, bar in (
+        ("told most often", mistakes[0] if mistakes else None),
+        ("wrong option chosen most", wrong),
+        ("wrong number given most", clusters[0] if clusters else None),
+    ):
+        if bar is not None and bar.learners > 1:
+            return f"{capitalize(kind)}: {name_family(bar.words).name} ({bar.learners})"
+    return ""
 
 
 def count_options(one: QuestionStatistics, question: Question, path: str) -> tuple[Bar, ...]:

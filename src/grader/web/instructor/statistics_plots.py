@@ -8,9 +8,9 @@ from grader.courses.rules.statistics import Estimate, QuestionStatistics
 from grader.web.text.numbers import NARROW, number
 from grader.web.verdict.svg import Axis, Drawing, Sketch, trim
 
-ROW, FOOT, SIDE = 40.0, 30.0, 8.0
+ROW, FOOT, SIDE = 34.0, 30.0, 8.0
 """Height of a question, of the axis under all of them, and room beside the axis."""
-LABEL, DOT = 15.0, 28.0
+LABEL, DOT = 13.0, 24.0
 """Where a question's label and its dot stand, from the top of its row."""
 SIGN = 7.2
 """Estimated width of a sign of a label."""
@@ -96,8 +96,8 @@ def shorten(text: str, room: float) -> str:
     return text if len(text) <= most else f"{text[: most - 1].rstrip()}…"
 
 
-def draw_bar(count: int, of: int) -> Markup:
-    """A bar as long as its part of all learners; the number stands beside it, so that it is no picture of its own."""
+def draw_bar(count: float, of: float) -> Markup:
+    """A bar as long as its part of the whole; the number stands beside it, so that it is no picture of its own."""
     length = BAR_WIDTH * count / max(of, 1)
     box = f'viewBox="0 0 {trim(BAR_WIDTH)} {trim(BAR_HEIGHT)}"'
     whole = f'<rect class="whole" width="{trim(BAR_WIDTH)}" height="{trim(BAR_HEIGHT)}"/>'

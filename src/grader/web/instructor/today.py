@@ -3,23 +3,25 @@
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
-from grader.courses.people.identity import DEFAULT_COURSE, Identity
+from grader.courses.answering.policies import read_policies
+from grader.courses.people.identity import DEFAULT_COURSE, Identity, Kind
 from grader.courses.people.namesakes import marked, marks_in
-from grader.courses.reporting.stuck import Stuck, find_stuck
+from grader.courses.reporting.stuck import SUBMISSIONS_MAX, SharedMistake, Stuck, find_shared_mistakes, find_stuck
 from grader.courses.reporting.today import COUNTED_MAX, Today, read_today
+from grader.domain.verdict import Status
 from grader.errors import ContentError
 from grader.gate.services import AppServices
 from grader.library import Library
 from grader.platforms import administration
 from grader.queue import jobs
-from grader.store import people, results
+from grader.store import credentials, people, results, submissions
 from grader.store.reviews import WaitingQuestion
 from grader.store.tables import now
 from grader.web.frame.inputs import Instructor, Visitor
@@ -35,6 +37,8 @@ PAGE = "/instructor"
 STUCK = f"{PAGE}/stuck"
 STUCK_SHOWN = 5
 """Learners who are stuck that the first page names."""
+
+DAY = timedelta(days=1)
 
 router = APIRouter(include_in_schema=False)
 
@@ -69,12 +73,52 @@ def home(request: Request, services: AppServices, who: Visitor) -> Response:
         today = read_today(services.desk_of(who.course), session, who)
         asked, stuck = list_requests(session, who), find_stuck_learners(session, who)
         marks = marks_in(session, who.course) if stuck else {}
-        has_learners = people.has_learners(session, who.course)
         alive, scripts = services.monitor.workers_alive(session), jobs.read_state(session)[jobs.GRADE]
+        state = describe_course(session, library, who.course)
+        shared = find_shared_mistakes(session, who.course)
     tasks = [*list_tasks(library, today), *list_stuck(library, stuck, marks), *list_platform_tasks(asked)]
     refused = services.content.of(who.course).refused
     shown: dict[str, Any] = {"today": today, "alive": alive, "scripts": scripts, "faults": library.warnings}
-    return page(request, "today.html", who=who, has_learners=has_learners, tasks=tasks, refused=refused, **shown)
+    return page(
+        request, "today.html", who=who, tasks=tasks, refused=refused, shared=list_shared(library, shared),
+        most=max((one.learners for one in shared), default=1), tier=services.monitor.graders.jail.get("tier"), **state,
+        **shown,
+    )  # fmt: skip
+
+
+def describe_course(session: Session, library: Library, course: str) -> dict[str, Any]:
+    """Returns what the page says of the class, of the last day and of the content."""
+    clock, quizzes = now(), library.quizzes
+    policies = read_policies(session, library, course, quizzes)
+    due = min(((one.due, quiz) for quiz, one in policies.items() if one.due and one.due > clock), default=None)
+    outcomes = submissions.count_outcomes(session, course, clock - DAY, SUBMISSIONS_MAX)
+    graded = sum(outcomes.values())
+    return {
+        "learners": people.count_learners(session, [course]).get(course, 0),
+        "taking_part": results.count_taking_part(session, course, list(quizzes) if due is None else [due[1]]),
+        "due": due,
+        "graded": graded,
+        "more_graded": graded >= SUBMISSIONS_MAX,
+        "our_faults": outcomes.get(Status.GRADER_FAULT, 0),
+        "quizzes": len(quizzes),
+        "questions": sum(len(quiz.questions) for quiz in quizzes.values()),
+        "labs": sum(len(quiz.labs) for quiz in quizzes.values()),
+        "invited": len(credentials.alive_in(session, course, Kind.SIGN_IN, clock)),
+    }
+
+
+def list_shared(library: Library, shared: Sequence[SharedMistake]) -> list[dict[str, Any]]:
+    """Returns the mistakes that several learners still make, as the page shows them."""
+    titles = list_titles(library)
+    return [
+        {
+            "name": one.name,
+            "title": titles.get((one.quiz, one.question), one.question),
+            "learners": one.learners,
+            "address": f"{PAGE}/class/{one.quiz}/{one.question}#m-{one.key}",
+        }
+        for one in shared
+    ]
 
 
 def list_tasks(library: Library, today: Today) -> list[Task]:

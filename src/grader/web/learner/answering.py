@@ -30,6 +30,7 @@ BACK = re.compile(r"/(lessons/[\w.-]+|\?quiz=[\w.-]+)?", re.ASCII)
 
 STATUSES: dict[type[CallerError], int] = {Conflict: 409, TooLarge: 413, TooManyRequests: 429}
 
+OWN_NUMBERS = "From now on this question has numbers of your own: read it again."
 SAME = "This is what you sent last time. Change it first."
 UNTOUCHED = "No attempt was used."
 
@@ -59,7 +60,8 @@ async def hand_in(
     fields = answer_fields(sent)
     sender = await run_in_threadpool(find_sender, services, visitor, form.get("learner", ""))
     if sender is None:
-        typed = "\n".join(value for values in fields.values() for value in values)
+        is_file = request.headers.get("content-type", "").startswith("multipart/")  # which is no text to take along
+        typed = "" if is_file else "\n".join(value for values in fields.values() for value in values)
         kept = {"who": visitor, "typed": typed, "begin": services.sessions.anonymous}
         return page(request, "signed_out.html", 401, {"Cache-Control": "no-store"}, **kept)
     library = services.library_for(sender.who)
@@ -68,6 +70,8 @@ async def hand_in(
     is_script = kind_of(question).is_script
     back = choose_page(form.get("back", ""), quiz_id)
     try:
+        if not form.get("learner") and (quiz_id, question_id) in services.get_pipeline(sender.who).drawn:
+            raise Refused(f"{OWN_NUMBERS} {UNTOUCHED}")
         await take_answer(services, sender.who, quiz_id, question, fields=fields, after=form.get("after", ""))
     except Refused as refused:
         shown = Typed(quiz_id, question_id, fields, refused.why)
@@ -141,7 +145,7 @@ def read_answer(
         answer = kind.from_form(question, fields)
     except InvalidAnswer as error:
         raise Refused(str(error)) from error
-    parsed, verdict = pipeline.read_and_grade(quiz_id, question.id, answer)
+    parsed, verdict = pipeline.read_and_grade(quiz_id, question.id, answer, who.drawn_for)
     if verdict is not None and verdict.status is Status.INVALID_ANSWER:
         raise Refused(f"{verdict.diagnosis or 'This answer could not be read.'} {UNTOUCHED}")
     if not kind.is_script and is_repeated(services, who, quiz_id, parsed, after):

@@ -7,8 +7,8 @@ from typing import Any
 from markupsafe import Markup
 
 from grader.courses.rules.policy import before_opening
-from grader.domain.markup import plain_text
-from grader.library import Heading, LessonText, Library, Placed, Prose
+from grader.library import Library
+from grader.library.lesson_text import Heading, LessonText, Placed, Prose
 from grader.questions import FIELD, Fields, Question, Quiz, kind_of
 from grader.web.text.lab_box import describe_lab
 from grader.web.text.lessons import Lesson
@@ -100,16 +100,23 @@ def build_section(library: Library, quiz: Quiz, work: Work, typed: Typed | None 
 def build_lesson_page(library: Library, lesson: Lesson, work: Work, typed: Typed | None = None) -> dict[str, Any]:
     """Returns the variables of lesson.html."""
     sections = [build_section(library, quiz, work, typed) for quiz in lesson.quizzes]
-    text = library.lessons.get(lesson.id)
+    link_unknown_labs(sections, lesson.text.source if lesson.text else "")
     return {
         "lesson": lesson,
-        "name": f"{lesson.title}: {plain_text(text.title)}" if text and lesson.head is None else lesson.name,
+        "name": lesson.name,
         "summary": cached_prose(lesson.head.summary) if lesson.head and lesson.head.summary else "",
         "facts": list_opened_facts(lesson.quizzes, work),
         "first": find_first(sections),
         "quizzes": sections,
-        **arrange_parts(text, sections),
+        **arrange_parts(lesson.text, sections),
     }
+
+
+def link_unknown_labs(sections: Sequence[Mapping[str, Any]], source: str) -> None:
+    """Gives labs that do not run here the address of the page that the lesson was imported from."""
+    for section in sections:
+        for lab in section.get("labs", ()):
+            lab["source"] = source
 
 
 def arrange_parts(text: LessonText | None, sections: Sequence[dict[str, Any]]) -> dict[str, Any]:

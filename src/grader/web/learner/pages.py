@@ -1,6 +1,7 @@
 """What a learner sees: the lessons, a lesson, an exercise, two attempts side by side, and plots to take along."""
 
 from functools import cache
+from pathlib import Path
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
@@ -10,7 +11,8 @@ from grader.courses.people.identity import DEFAULT_COURSE, Identity, Role
 from grader.domain.markup import plain_text
 from grader.errors import NotFound, Unauthorized
 from grader.gate.services import AppServices, Services
-from grader.library import OTHER, Library, find_lesson_id
+from grader.library import Library
+from grader.library.lesson_text import OTHER, find_lesson_id
 from grader.pack.kit import build_kit
 from grader.questions import kind_of
 from grader.queue import jobs
@@ -50,7 +52,7 @@ def home(request: Request, services: AppServices, who: Visitor, quiz: str | None
         return show_sign_in(request, services, who)
     if quiz is not None:
         return show_lesson(request, services, who, f"/?quiz={quiz}")
-    lessons = group_lessons(services.library_for(who).quizzes)
+    lessons = group_lessons(services.library_for(who))
     if len(lessons) == 1:
         return show_lesson(request, services, who, "/")
     return show_lessons(request, services, who, lessons)
@@ -100,7 +102,7 @@ def find_lesson(library: Library, address: str) -> Lesson:
     if kind == "quiz":
         quiz = library.quiz(name)
         return Lesson(quiz.id, plain_text(quiz.title), (quiz,))
-    found = [one for one in group_lessons(library.quizzes) if kind == "" or one.id == name]
+    found = [one for one in group_lessons(library) if kind == "" or one.id == name]
     if kind == "" and len(found) != 1:
         return Lesson(OTHER, "Questions and exercises", tuple(library.quizzes.values()))
     if not found:
@@ -189,19 +191,22 @@ def reel(
     )  # fmt: skip
 
 
+@router.get("/quizzes/{quiz_id}/{question_id}/starter.xml")
 @router.get("/quizzes/{quiz_id}/{question_id}/starter.py")
-def starter(quiz_id: str, question_id: str, services: AppServices, who: Visitor) -> Response:
+def starter(request: Request, quiz_id: str, question_id: str, services: AppServices, who: Visitor) -> Response:
     """The starter file of an exercise. Raises Unauthorized, NotFound, and Conflict before the quiz opens."""
     if who is None and not services.sessions.anonymous:
         raise Unauthorized(SIGN_IN)
     library = services.library_for(who)
     services.require_opened(library, find_reader(who), quiz_id)
-    text = library.starter(library.question(quiz_id, question_id))
-    if text is None:
+    question = library.question(quiz_id, question_id)
+    suffix = Path(request.url.path).suffix
+    text, named = library.starter(question), kind_of(question).starter(question) or ""
+    if text is None or Path(named).suffix != suffix:
         raise NotFound("This question has no starter file.")
     name = question_id.replace("-", "_")
-    headers = {"Content-Disposition": f'attachment; filename="{name}.py"'}
-    return PlainTextResponse(text, headers=HEADERS | headers, media_type="text/x-python")
+    headers = {"Content-Disposition": f'attachment; filename="{name}{suffix}"'}
+    return PlainTextResponse(text, headers=HEADERS | headers)
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}/kit.zip")

@@ -1,7 +1,11 @@
 // Questions whose parts are dragged: items into an order, partners to texts. The lists (select) of the form stay what is
 // sent: this moves items about and sets the lists. Without it the lists are the controls, as they stay for partners.
 
+import { el } from "./dom.js";
+
 const MARGIN_PX = 4; // a pointer that moved less has not dragged
+
+document.head.append(el("link", { rel: "stylesheet", href: new URL("arrange.css", import.meta.url).href }));
 
 export function arrange(field) {
   const begin = { order, match }[field.dataset.arrange];

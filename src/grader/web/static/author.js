@@ -1,5 +1,7 @@
 // The author's desk: saves without leaving the page, and shows every change of the folder as it happens.
 
+import { offerCopies } from "./copy.js";
+
 const desk = document.querySelector("[data-author]");
 const form = document.querySelector("[data-source]");
 const field = form.elements.source;
@@ -39,7 +41,9 @@ async function save() {
     form.elements.tag.value = response.headers.get("ETag").replaceAll('"', "");
     saved = sent;
     say("Saved.");
-    await refresh();
+    const moved = response.headers.get("Location"); // the question has another id now
+    if (moved && !isChanged()) location.assign(moved);
+    else await refresh();
   } else {
     say(response?.status === 412 ? (await response.json()).why : "Nothing was saved: does grader author still run?", true);
   }
@@ -55,6 +59,9 @@ function download() {
   URL.revokeObjectURL(link.href);
 }
 
+// Of the file; what follows it in a tag says which part of the file is shown.
+const digestOf = (tag) => tag.split("-")[0];
+
 // Replaces what is shown by the page as it is now; what is typed and not saved stays.
 async function refresh() {
   const response = await fetch(location.pathname.startsWith("/edit/") ? location.href : `/edit/${path}`).catch(() => null);
@@ -62,13 +69,14 @@ async function refresh() {
   const page = new DOMParser().parseFromString(await response.text(), "text/html");
   document.querySelector("[data-shown]").replaceWith(page.querySelector("[data-shown]"));
   document.querySelectorAll("[data-lab]").forEach(watch);
+  offerCopies(document.querySelector("[data-shown]"));
   desk.dataset.seen = page.querySelector("[data-author]").dataset.seen;
   const newer = page.querySelector("[data-source]").elements;
   if (!isChanged()) {
     if (field.value !== newer.source.value) field.value = newer.source.value;
     saved = field.value;
     form.elements.tag.value = newer.tag.value;
-  } else if (newer.tag.value !== form.elements.tag.value) {
+  } else if (digestOf(newer.tag.value) !== digestOf(form.elements.tag.value)) {
     say("The file has changed on the disk: copy what you typed, and read the page again.", true);
   }
 }

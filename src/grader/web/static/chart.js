@@ -7,15 +7,16 @@ const LEFT = 58, RIGHT = 10, HEAD = 24, AXIS = 26, NAME = 16;
 const COLOURS = 6;
 const SAME = 0.004; // of a strip's height: closer lines cannot be told apart
 
-// spec: {end [s], xlabel, strips: [{label, weight, axis: {min, max, log}, shows: [values], lines: [{y, label}],
+// spec: {begin (0), end [s or of another axis], xlabel, strips: [{label, weight, axis: {min, max, log}, shows: [values], lines: [{y, label}],
 //   series: [{label, className, dash, times, values}], ghost: [{times, values}]}], warning: {time, text, resets}}.
 // Fills the picture; its size does not change. Returns {moveCursor(time), timeAt(clientX)}; null off the page.
 export function drawChart(picture, spec) {
   const width = picture.clientWidth, height = picture.clientHeight;
   if (!width) return null; // the lab has left the page
-  const across = (time) => LEFT + ((width - LEFT - RIGHT) * time) / spec.end;
+  const { begin = 0, end } = spec;
+  const across = (time) => LEFT + ((width - LEFT - RIGHT) * (time - begin)) / (end - begin);
   const floor = height - AXIS;
-  const flagged = spec.warning && spec.warning.time <= spec.end;
+  const flagged = spec.warning && spec.warning.time <= end;
   const cut = flagged && spec.warning.resets ? spec.warning.time : Infinity;
   picture.replaceChildren();
   if (cut < Infinity) picture.append(svg("rect", { class: "shade", x: across(cut), y: HEAD, width: width - RIGHT - across(cut), height: floor - HEAD }));
@@ -23,7 +24,7 @@ export function drawChart(picture, spec) {
   let top = 0;
   for (const strip of spec.strips) {
     const bottom = top + (floor * strip.weight) / weights;
-    picture.append(...drawStrip(strip, { across, left: LEFT, right: width - RIGHT, top: top + HEAD, bottom, end: spec.end, cut }));
+    picture.append(...drawStrip(strip, { across, left: LEFT, right: width - RIGHT, top: top + HEAD, bottom, end, cut }));
     top = bottom;
   }
   picture.append(...timeAxis(spec, across, floor, width));
@@ -32,15 +33,15 @@ export function drawChart(picture, spec) {
   picture.append(cursor);
   return {
     moveCursor(time) {
-      cursor.setAttribute("d", `M${across(Math.min(time, spec.end)).toFixed(1)} ${HEAD}V${floor}`);
+      cursor.setAttribute("d", `M${across(Math.min(time, end)).toFixed(1)} ${HEAD}V${floor}`);
       cursor.setAttribute("visibility", "visible");
     },
-    timeAt: (clientX) => Math.min(1, Math.max(0, (clientX - picture.getBoundingClientRect().left - LEFT) / (width - LEFT - RIGHT))) * spec.end,
+    timeAt: (clientX) => Math.min(1, Math.max(0, (clientX - picture.getBoundingClientRect().left - LEFT) / (width - LEFT - RIGHT))) * (end - begin) + begin,
   };
 }
 
-function timeAxis({ end, xlabel }, across, floor, width) {
-  const ticks = steps(0, end, width < 480 ? 4 : 7);
+function timeAxis({ begin = 0, end, xlabel }, across, floor, width) {
+  const ticks = steps(begin, end, width < 480 ? 4 : 7);
   const last = xlabel || (Math.abs(ticks.at(-1) - end) < 1e-6 * end ? `${number(end)} s` : "s");
   const parts = ticks.filter((tick) => across(tick) < width - RIGHT - 14 - 7 * last.length).map((tick) =>
     svg("text", { x: across(tick), y: floor + 18, "text-anchor": "middle" }, number(tick)));

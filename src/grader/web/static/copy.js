@@ -2,7 +2,11 @@
 
 import { el } from "./dom.js";
 
-for (const field of document.querySelectorAll("[data-copy]")) {
+export function offerCopies(root) {
+  root.querySelectorAll("[data-copy]").forEach(offerCopy);
+}
+
+function offerCopy(field) {
   field.addEventListener("focus", () => field.select());
   const button = el("button", { type: "button", class: "quiet small", onclick: copy }, "Copy");
   field.closest("label").after(el("p", { class: "actions" }, button));
@@ -12,3 +16,5 @@ for (const field of document.querySelectorAll("[data-copy]")) {
     button.textContent = "Copied";
   }
 }
+
+offerCopies(document);

@@ -116,7 +116,7 @@ function grouped(pairs) {
   return fields;
 }
 
-const controls = (form) => Array.from(form.elements).filter((one) => ANSWER.test(one.name ?? ""));
+const controls = (form) => Array.from(form.elements).filter((one) => ANSWER.test(one.name ?? "") && one.type !== "file"); // no script may choose a file
 const isBox = (one) => one.type === "radio" || one.type === "checkbox";
 
 // The value of a control when the page was loaded; of a list, that of its selected option.

@@ -96,7 +96,7 @@ export function openEditor(area) {
     doc: area.value, root, parent: root,
     extensions: [
       LOOK, keymap.of([{ key: "Mod-Enter", run: () => { area.form.requestSubmit(); return true; } }]), KEYS, said, isLeaving, lineNumbers(), history(), highlightActiveLine(), bracketMatching(), indentOnInput(), search({ top: true }),
-      pythonLanguage, syntaxHighlighting(COLOURS), indentUnit.of("    "), EditorState.tabSize.of(4), EditorState.readOnly.of(area.readOnly),
+      ...(area.dataset.takes === "mjcf" ? [indentUnit.of("  ")] : [pythonLanguage, syntaxHighlighting(COLOURS), indentUnit.of("    ")]), EditorState.tabSize.of(4), EditorState.readOnly.of(area.readOnly),
       EditorView.darkTheme.of(matchMedia("(prefers-color-scheme: dark)").matches),
       EditorView.contentAttributes.of({
         "aria-label": `${area.labels[0].textContent.trim()}, code`, "aria-description": LEAVING, tabindex: "0", spellcheck: "false", autocapitalize: "off", autocorrect: "off",

@@ -6,7 +6,7 @@ import { drawChart } from "./chart.js";
 import { el, number } from "./dom.js";
 import { Newest } from "./newest.js";
 import { lastUntil, Player } from "./player.js";
-import { Scene } from "./scene.js";
+import { Scene, watchLooks } from "./scene.js";
 import { Turning } from "./turning.js";
 
 const TICKS = 600; // of the clock
@@ -45,7 +45,7 @@ class Films {
     this.listenToTimestep(one("[data-timestep]"), one("[data-chosen]"), box.dataset.film);
     this.picture?.addEventListener("pointerdown", (event) => { this.picture.setPointerCapture(event.pointerId); this.seek(event); });
     this.picture?.addEventListener("pointermove", (event) => { if (event.buttons) this.seek(event); });
-    new ResizeObserver(() => { this.drawDistance(); this.draw(); }).observe(this.runs);
+    watchLooks(this.runs, () => { this.drawDistance(); this.draw(); });
     this.show(films[0]);
   }
 

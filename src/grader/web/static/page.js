@@ -7,7 +7,7 @@ import { localise } from "./times.js";
 const TYPING_MS = 300;
 const POLL_MS = 1500;
 const SILENCE_MS = 6000;
-const LABS = "[data-lab]:not([data-form]), [data-film]"; // labs of unknown kinds have a form and nothing to run
+const LABS = "[data-form], [data-film]"; // what runs
 const OFFLINE = "The server cannot be reached. Your answer is kept in this browser; send it again when you are back.";
 const SIGNED_OUT = "You are signed out. Your answer is kept in this browser: sign in in another tab, then send it again here.";
 
@@ -114,7 +114,8 @@ async function send(form, submitter) {
   tell(form, isStop ? "Stopping…" : "Sending…");
   drafts.keep(form);
   try {
-    const post = () => fetch(isStop ? submitter.formAction : form.action, { method: "POST", body: new URLSearchParams(sent), headers: { Accept: "text/html" }, credentials: "same-origin" });
+    const body = form.enctype === "multipart/form-data" ? sent : new URLSearchParams(sent);
+    const post = () => fetch(isStop ? submitter.formAction : form.action, { method: "POST", body, headers: { Accept: "text/html" }, credentials: "same-origin" });
     const response = await (document.body.dataset.learner ? post() : alone(post));
     if (response.status === 401) return tell(form, SIGNED_OUT, true);
     const page = await pageOf(response);
@@ -217,8 +218,8 @@ function follow() {
   mine.addEventListener("running", () => heard(node.dataset.state !== "running"));
   for (const name of ["graded", "needs_review"]) mine.addEventListener(name, () => heard(true));
   mine.addEventListener("progress", ({ data }) => {
-    const { case: at, cases } = JSON.parse(data);
-    node.querySelector("[data-case]").textContent = `, case ${at} of ${cases}`;
+    const { case: at, cases, within } = JSON.parse(data);
+    node.querySelector("[data-case]").textContent = `, case ${at} of ${cases}${within ? `, ${within}` : ""}`;
   });
   mine.addEventListener("error", () => { clearTimeout(silence); if (source === mine) { mine.close(); silence = setTimeout(again, POLL_MS); } });
 }
@@ -274,7 +275,7 @@ async function load(form, input) {
     drafts.keep(form);
     tell(form, `${file.name} is loaded; not handed in yet.`);
   } catch {
-    tell(form, "This file is not UTF-8 text; save it as a plain .py file.", true);
+    tell(form, "This file is not UTF-8 text; save it as plain text.", true);
   }
   input.value = ""; // the same file may be loaded again
 }

@@ -54,6 +54,11 @@ export class Player {
 
   restart() {
     this.show(0);
+    this.go();
+  }
+
+  // Plays, where it is seen and the learner wants motion.
+  go() {
     if (this.seen && !matchMedia("(prefers-reduced-motion: reduce)").matches) this.play();
   }
 

@@ -1,64 +1,124 @@
-// The drawn geoms of a recorded run on a canvas, the farthest first, with their shadows and the last run's outlines.
+// A scene of recorded geoms on a canvas: lit by the GPU, or painted without one, with overlays over it; and what lies under a
+// pixel of it.
 
+import { Light } from "./light.js";
 import { drawOverlays } from "./overlays.js";
+import { paint, paintGhost } from "./painting.js";
 import { Pen } from "./pen.js";
-import { hull, placed, turned, viewFrom } from "./geometry.js";
+import { dot, placed, plus, unit, viewFrom } from "./geometry.js";
+import { pick, reachOf } from "./solids.js";
 
-const CIRCLE = Array.from({ length: 24 }, (_, i) => [Math.cos((2 * Math.PI * i) / 24), Math.sin((2 * Math.PI * i) / 24)]);
-const BALL = [-0.9, -0.5, 0, 0.5, 0.9].flatMap((z) => CIRCLE.map(([x, y]) => [x * Math.sqrt(1 - z * z), y * Math.sqrt(1 - z * z), z]))
-  .concat([[0, 0, -1], [0, 0, 1]]);
-const FACES = [0, 1, 2].flatMap((axis) => [-1, 1].map((sign) => ({ axis, sign })));
 const DISTANCE = 1.7; // of the camera, in sizes of what it shows
 const FOLLOWED = 4; // how many times larger than the solids themselves a motion may be to be shown whole
-const FLOOR = 2; // how much of an endless plane is drawn [m]
+const SUN_BESIDE = 125, SUN_HIGH = 1.35; // degrees from the camera's azimuth, and how high in lengths of the way there
+const TRAIL = "194, 112, 61", PULL = "#d9480f";
+
+// Calls redraw() when a scene in the node would look otherwise: another size, other colours, or the GPU is back.
+export function watchLooks(node, redraw) {
+  const gone = new AbortController();
+  const look = () => (node.isConnected ? redraw() : gone.abort());
+  new ResizeObserver(redraw).observe(node);
+  addEventListener("resize", look, gone);
+  for (const query of ["(prefers-color-scheme: dark)", "(forced-colors: active)"]) matchMedia(query).addEventListener("change", look, gone);
+}
 
 export class Scene {
-  // geoms: [{type, size: [3], rgba: [4]}]; camera: {azimuth, elevation, distance, target} in degrees and metres,
+  // geoms: [{type, size: [3], rgba: [4], body, mesh}]; camera: {azimuth, elevation, distance, target} in degrees and metres,
   // where it leaves something out, so that `frames` fit: lists of poses, of which the first is the start.
   // `turning` is what the learner adds: degrees to azimuth and elevation, a factor to distance.
   constructor(canvas, geoms, camera, frames, turning) {
     this.canvas = canvas;
     this.geoms = geoms;
-    this.camera = { azimuth: 90, elevation: -20, ...fitting(geoms, frames), ...camera };
+    this.around = fitting(geoms, frames);
+    this.camera = { azimuth: 90, elevation: -20, distance: DISTANCE * this.around.size, target: this.around.target, ...camera };
     this.turning = turning;
+    const beside = ((this.camera.azimuth + SUN_BESIDE) * Math.PI) / 180, ten = 10 ** Math.floor(Math.log10(this.camera.distance / 8));
+    this.sun = unit([Math.cos(beside), Math.sin(beside), SUN_HIGH]);
+    this.cell = ten * [1, 2, 5].findLast((step) => step <= Math.max(1, this.camera.distance / 8 / ten)); // of the floor [m]
+  }
+
+  get view() {
+    const { azimuth, elevation, distance, target } = this.camera;
+    const up = Math.min(89, Math.max(-89, elevation + this.turning.elevation));
+    return viewFrom({ azimuth: azimuth + this.turning.azimuth, elevation: up, distance: distance * this.turning.distance, target });
   }
 
   // poses: one [x, y, z, qw, qx, qy, qz] per geom; `ghost` the same of the last run, `past` of frames before; `trail`: [[x, y, z], ...];
-  // `over`: by overlay, the rows of this frame; `shown`: what is drawn over the scene; `forceScale` [m/N].
-  draw({ poses, ghost, past = [], trail = [], over = {}, shown = new Set(), forceScale = 0 }) {
-    const { azimuth, elevation, distance, target } = this.camera;
-    const up = Math.min(89, Math.max(-89, elevation + this.turning.elevation));
-    const view = viewFrom({ azimuth: azimuth + this.turning.azimuth, elevation: up, distance: distance * this.turning.distance, target });
-    const pen = new Pen(this.canvas, view);
-    const there = this.geoms.map((geom, index) => ({ geom, pose: poses[index] })).filter(({ pose }) => !pose.includes(null)); // finite
-    const floors = there.filter(({ geom }) => geom.type === "plane"), solids = there.filter(({ geom }) => geom.type !== "plane");
-    for (const { geom, pose } of floors) grid(pen, geom, pose);
-    if (shown.has("shadows")) for (const floor of floors) for (const solid of solids) shadow(pen, floor, solid);
-    for (let i = 1; i < trail.length; i++) pen.line(trail[i - 1], trail[i], "rgba(194, 112, 61, .75)", 1.5);
-    const deep = solids.map((one) => ({ ...one, depth: view.see(one.pose)[2] })).sort((a, b) => b.depth - a.depth);
-    for (const one of past) this.drawGhost(pen, view, one);
-    for (const { geom, pose } of deep) solid(pen, view, geom, pose);
-    if (ghost) this.drawGhost(pen, view, ghost);
+  // `over`: by overlay, the rows of this frame; `shown`: what is drawn over the scene; `forceScale` [m/N]; `pull`: {from, to} in the world;
+  // `hasShadows`: whether the sun casts them.
+  draw({ poses, ghost, past = [], trail = [], over = {}, shown = new Set(), forceScale = 0, pull, hasShadows = true }) {
+    const { view } = this, pen = new Pen(this.canvas, view);
+    this.poses = poses;
+    const [solids, floors] = this.split(poses);
+    const isLit = this.light(pen, view, solids, ghost ? this.split(ghost)[0] : [], floors, hasShadows);
+    if (!isLit) paint(pen, view, { solids, floors, hasShadows: shown.has("shadows") });
+    for (let i = 1; i < trail.length; i++) pen.line(trail[i - 1], trail[i], `rgba(${TRAIL}, ${0.15 + (0.7 * i) / trail.length})`, 1.5);
+    for (const one of past) paintGhost(pen, view, this.geoms, one);
+    if (ghost && !isLit) paintGhost(pen, view, this.geoms, ghost);
     drawOverlays(pen, over, shown, forceScale, this.camera.distance);
+    if (pull) {
+      pen.dot(pull.from, PULL);
+      pen.arrow(pull.from, pull.to, PULL);
+    }
   }
 
-  drawGhost(pen, view, ghost) {
-    this.geoms.forEach((geom, index) => {
-      if (geom.type === "plane" || !ghost[index] || ghost[index].includes(null)) return;
-      pen.outline(hullOf(pen, view, geom, ghost[index]), null, pen.soft, [3, 4]);
+  // Pairs of a geom and its pose, as far as that is finite: the solids, and the floors.
+  split(poses) {
+    const there = this.geoms.map((geom, index) => [geom, poses[index]]).filter(([, pose]) => pose && !pose.includes(null));
+    const isFloor = ([geom]) => geom.type === "plane";
+    return [there.filter((one) => !isFloor(one)), there.filter(isFloor)];
+  }
+
+  // Whether the GPU has drawn it.
+  light(pen, view, solids, ghosts, floors, hasShadows) {
+    const { shared } = Light;
+    if (!shared) return false;
+    const { canvas: { width, height }, around: { target: middle, radius, low }, camera, turning, sun } = this;
+    const lies = floors.map(([geom, pose]) => [{ size: geom.size, cell: this.cell, lay: 1 }, pose]);
+    const catches = [[{ size: [0, 0], cell: 1, lay: 0 }, [0, 0, low - 0.06 * radius, 1, 0, 0, 0]]]; // shadows alone, where there is no floor
+    const isDrawn = shared.draw({
+      width, height, view, solids, ghosts, sun, hasShadows, around: { middle, radius }, floors: lies.length ? lies : catches,
+      distance: camera.distance * turning.distance, ink: pen.soft.match(/[\d.]+/g).slice(0, 3).map((value) => value / 255),
     });
+    if (isDrawn) pen.on.drawImage(shared.canvas, 0, shared.canvas.height - height, width, height, 0, 0, width, height);
+    return isDrawn;
+  }
+
+  // The eye, the direction to a point of the screen, and the direction that the camera looks.
+  rayTo(x, y) {
+    const { eye, right, above, forward } = this.view, box = this.canvas.getBoundingClientRect();
+    const zoom = Math.min(box.height, 1.2 * box.width) / 2 / Math.tan(Math.PI / 8);
+    const way = plus(plus(forward, right, (x - box.left - box.width / 2) / zoom), above, -(y - box.top - box.height / 2) / zoom);
+    return { eye, way: unit(way), forward };
+  }
+
+  // The movable geom under a point of the screen: {index, point} with the point in its own frame; null where there is none.
+  pick(x, y) {
+    const { eye, way } = this.rayTo(x, y), found = this.poses ? pick(this.geoms, this.poses, eye, way) : null;
+    return found && this.geoms[found.index].body ? found : null;
+  }
+
+  // Where a point of a geom is now.
+  placeOf({ index, point }) {
+    return placed(this.poses[index], point);
+  }
+
+  // The point under a point of the screen, in the plane through `from` that faces the camera.
+  pointBeside(from, x, y) {
+    const { eye, way, forward } = this.rayTo(x, y);
+    return plus(eye, way, dot(plus(from, eye, -1), forward) / dot(way, forward));
   }
 }
 
-// What shows the solids in these frames: how far away, and where to look. A motion that leads far away is not followed.
+// What shows the solids in these frames: their size, where to look, and how low they come. A motion that leads far away is not
+// followed.
 function fitting(geoms, frames) {
   const first = ends(geoms, frames.slice(0, 1)), whole = ends(geoms, frames);
-  if (!Number.isFinite(first.size)) return { distance: 2, target: [0, 0, 0] };
-  const { size, target } = whole.size <= FOLLOWED * first.size ? whole : first;
-  return { distance: DISTANCE * size, target };
+  if (!Number.isFinite(first.size)) return { size: 2 / DISTANCE, radius: 1, low: 0, target: [0, 0, 0] };
+  return whole.size <= FOLLOWED * first.size ? whole : first;
 }
 
-// The largest side and the middle of the box around the solids in these frames.
+// The box around the solids in these frames: its largest side, its middle, half of its diagonal and its bottom.
 function ends(geoms, frames) {
   const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
   for (const poses of frames) {
@@ -71,81 +131,6 @@ function ends(geoms, frames) {
       }
     });
   }
-  return { size: Math.max(...high.map((value, axis) => value - low[axis])), target: high.map((value, axis) => (value + low[axis]) / 2) };
-}
-
-const reachOf = ({ type, size: [a, b, c] }) => (type === "capsule" ? a + b : type === "cylinder" ? Math.hypot(a, b) : type === "box" ? Math.hypot(a, b, c) : Math.max(a, b, c));
-
-// Sizes as in MuJoCo: half lengths; the long axis of capsule and cylinder is z.
-function surface({ type, size: [a = 0, b = 0, c = 0] }) {
-  if (type === "ellipsoid") return BALL.map((p) => [a * p[0], b * p[1], c * p[2]]);
-  if (type === "cylinder") return [-b, b].flatMap((z) => CIRCLE.map(([x, y]) => [a * x, a * y, z]));
-  if (type === "sphere") return BALL.map((p) => p.map((value) => a * value));
-  if (type === "capsule") return BALL.map((p) => [a * p[0], a * p[1], a * p[2] + Math.sign(p[2]) * b]);
-  return [-a, a].flatMap((x) => [-b, b].flatMap((y) => [-c, c].map((z) => [x, y, z])));
-}
-
-// The outline of a geom on the screen: round ends are discs that face the camera.
-function hullOf(pen, view, geom, pose) {
-  const [a, b] = geom.size;
-  const ends = geom.type === "sphere" ? [0] : geom.type === "capsule" ? [-b, b] : null;
-  const seen = ends
-    ? ends.flatMap((end) => {
-      const [x, y, z] = view.see(placed(pose, [0, 0, end]));
-      return CIRCLE.map(([right, above]) => [x + a * right, y + a * above, z]);
-    })
-    : (geom.points ??= surface(geom)).map((point) => view.see(placed(pose, point)));
-  return seen.every(pen.isBefore) ? hull(seen.map(pen.pixel)) : [];
-}
-
-function solid(pen, view, geom, pose) {
-  const outline = hullOf(pen, view, geom, pose);
-  if (!outline.length) return;
-  if (geom.type === "box") {
-    for (const face of FACES) boxFace(pen, view, geom, pose, face);
-    return;
-  }
-  pen.outline(outline, colour(geom.rgba, 1), colour(geom.rgba, 0.6));
-}
-
-// A face is seen where its outside is turned to the camera; light comes from above.
-function boxFace(pen, view, geom, pose, { axis, sign }) {
-  const normal = turned(pose, [0, 1, 2].map((i) => (i === axis ? sign : 0)));
-  const [one, other] = [(axis + 1) % 3, (axis + 2) % 3];
-  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) => {
-    const corner = [0, 0, 0];
-    corner[axis] = sign * geom.size[axis];
-    corner[one] = u * geom.size[one];
-    corner[other] = v * geom.size[other];
-    return view.see(placed(pose, corner));
-  });
-  const [facing, centre] = [view.turn(normal), corners[0]];
-  if (facing[0] * centre[0] + facing[1] * centre[1] + facing[2] * centre[2] > 0) return;
-  const shade = 0.78 + 0.22 * normal[2] + 0.06 * normal[0];
-  pen.outline(corners.map(pen.pixel), colour(geom.rgba, shade), colour(geom.rgba, 0.5));
-}
-
-// What a geom shades of a floor, under light from straight above it.
-function shadow(pen, floor, { geom, pose }) {
-  const [, , , w, ...u] = floor.pose;
-  const points = (geom.points ??= surface(geom)).map((point) => {
-    const world = placed(pose, point);
-    const local = placed([0, 0, 0, w, ...u.map((value) => -value)], world.map((value, i) => value - floor.pose[i]));
-    return placed(floor.pose, [local[0], local[1], 0]);
-  });
-  pen.patch(points, "rgba(0, 0, 0, .16)");
-}
-
-function grid(pen, geom, pose) {
-  const [a, b] = [geom.size[0] || FLOOR, geom.size[1] || FLOOR].map((half) => Math.min(half, FLOOR));
-  for (let i = -4; i <= 4; i++) {
-    const x = (i / 4) * a, y = (i / 4) * b;
-    pen.line(placed(pose, [x, -b, 0]), placed(pose, [x, b, 0]), "rgba(128, 128, 128, .35)", 1);
-    pen.line(placed(pose, [-a, y, 0]), placed(pose, [a, y, 0]), "rgba(128, 128, 128, .35)", 1);
-  }
-}
-
-function colour([r = 0.5, g = 0.5, b = 0.5, alpha = 1], shade) {
-  const channel = (value) => Math.round(255 * Math.min(1, shade * value));
-  return `rgba(${channel(r)}, ${channel(g)}, ${channel(b)}, ${alpha})`;
+  const sides = high.map((value, axis) => value - low[axis]);
+  return { size: Math.max(...sides), radius: Math.hypot(...sides) / 2, low: low[2], target: high.map((value, axis) => (value + low[axis]) / 2) };
 }

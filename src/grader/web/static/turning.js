@@ -1,6 +1,7 @@
-// Turns the camera of a scene: by dragging, by the arrow keys, and nearer or farther by plus and minus.
+// Turns the camera of a scene: by dragging, by the arrow keys; nearer or farther by plus and minus, by two fingers, and by the wheel
+// over a scene in use, which is focused. Elsewhere the wheel scrolls the page.
 
-const DEGREES_PER_PIXEL = 0.5, DEGREES_PER_KEY = 10, NEARER = 1.15;
+const DEGREES_PER_PIXEL = 0.5, DEGREES_PER_KEY = 10, NEARER = 1.15, PER_WHEEL = 0.0015, LINE = 20;
 const KEYS = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class Turning {
@@ -9,18 +10,32 @@ export class Turning {
     this.azimuth = this.elevation = 0;
     this.distance = 1;
     this.onTurn = onTurn;
-    let last = null;
+    this.pointers = new Map();
     canvas.addEventListener("pointerdown", (event) => {
-      last = [event.clientX, event.clientY];
+      this.pointers.set(event.pointerId, [event.clientX, event.clientY]);
       canvas.setPointerCapture(event.pointerId);
     });
-    canvas.addEventListener("pointermove", (event) => {
-      if (!last) return;
-      this.turn(-DEGREES_PER_PIXEL * (event.clientX - last[0]), -DEGREES_PER_PIXEL * (event.clientY - last[1]));
-      last = [event.clientX, event.clientY];
-    });
-    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => { last = null; });
+    canvas.addEventListener("pointermove", (event) => this.moved(event));
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => this.pointers.delete(event.pointerId));
     canvas.addEventListener("keydown", (event) => this.pressed(event));
+    canvas.addEventListener("wheel", (event) => {
+      if (!event.ctrlKey && document.activeElement !== canvas) return; // a pinch of a touchpad sends Ctrl
+      event.preventDefault();
+      this.zoom(Math.exp(PER_WHEEL * event.deltaY * (event.deltaMode ? LINE : 1)));
+    }, { passive: false });
+  }
+
+  get gap() {
+    const [[x, y], [u, v]] = this.pointers.values();
+    return Math.hypot(x - u, y - v);
+  }
+
+  moved({ pointerId, clientX, clientY }) {
+    const last = this.pointers.get(pointerId), before = this.pointers.size === 2 ? this.gap : 0;
+    if (!last) return;
+    this.pointers.set(pointerId, [clientX, clientY]);
+    if (before) this.zoom(before / Math.max(1, this.gap));
+    else this.turn(-DEGREES_PER_PIXEL * (clientX - last[0]), -DEGREES_PER_PIXEL * (clientY - last[1]));
   }
 
   pressed(event) {
@@ -28,8 +43,13 @@ export class Turning {
     const turn = KEYS[event.key], factor = { "+": 1 / NEARER, "=": 1 / NEARER, "-": NEARER }[event.key];
     if (!turn && !factor) return;
     event.preventDefault();
-    if (factor) this.distance = Math.min(10, Math.max(0.1, this.distance * factor));
-    this.turn(...(turn ?? [0, 0]).map((way) => DEGREES_PER_KEY * way));
+    if (factor) this.zoom(factor);
+    else this.turn(...turn.map((way) => DEGREES_PER_KEY * way));
+  }
+
+  zoom(factor) {
+    this.distance = Math.min(10, Math.max(0.1, this.distance * factor));
+    this.onTurn();
   }
 
   turn(azimuth, elevation) {

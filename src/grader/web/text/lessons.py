@@ -1,20 +1,21 @@
 """Groups quizzes into lessons by their ids: `1.3-check` and `1.3-exercises` are of lesson 1.3."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from grader.domain.markup import plain_text
-from grader.library import OTHER, find_lesson_id
+from grader.library import Library
+from grader.library.lesson_text import OTHER, LessonText, find_lesson_id
 from grader.questions import LessonHead, Quiz
 
 
 @dataclass(frozen=True)
 class Lesson:
-    """Quizzes that a page shows together."""
+    """Quizzes that a page shows together, with the author's text around them, if there is one."""
 
     id: str
     title: str
     quizzes: tuple[Quiz, ...]
+    text: LessonText | None = None
 
     @property
     def head(self) -> LessonHead | None:
@@ -24,7 +25,8 @@ class Lesson:
     @property
     def name(self) -> str:
         """Its title with its name, where it has one: `Lesson 1.3: Integrators`."""
-        return self.title if self.head is None else f"{self.title}: {plain_text(self.head.title)}"
+        own = self.head.title if self.head is not None else self.text.title if self.text is not None else ""
+        return f"{self.title}: {plain_text(own)}" if own else self.title
 
     @property
     def path(self) -> str:
@@ -32,12 +34,20 @@ class Lesson:
         return f"/lessons/{self.id}"
 
 
-def group_lessons(quizzes: Mapping[str, Quiz]) -> list[Lesson]:
-    """Returns all lessons, in the order of their first quiz."""
-    groups: dict[str, list[Quiz]] = {}
-    for quiz in quizzes.values():
+def group_lessons(library: Library) -> list[Lesson]:
+    """Returns all lessons in the order of their numbers, also those that are text alone."""
+    groups: dict[str, list[Quiz]] = {name: [] for name in library.lessons}
+    for quiz in library.quizzes.values():
         groups.setdefault(find_lesson_id(quiz.id), []).append(quiz)
-    return [Lesson(name, describe_lesson(name), tuple(some)) for name, some in groups.items()]
+    return [
+        Lesson(name, describe_lesson(name), tuple(groups[name]), library.lessons.get(name))
+        for name in sorted(groups, key=rank_lesson)
+    ]
+
+
+def rank_lesson(lesson: str) -> tuple[int, ...]:
+    """Returns what lessons are sorted by: 1.9 before 1.10, and those without a number at the end."""
+    return (1,) if lesson == OTHER else (0, *map(int, lesson.split(".")))
 
 
 def describe_lesson(lesson: str) -> str:

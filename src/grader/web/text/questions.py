@@ -2,18 +2,23 @@
 
 import re
 import textwrap
+import unicodedata
+from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
 from grader.domain.markup import plain_text
 from grader.library import Library
-from grader.questions import Question, Quiz, kind_of, question_view
+from grader.questions import FORMS, Question, Quiz, kind_of, question_view
 from grader.web.text.lab_box import describe_lab
 from grader.web.text.numbers import NARROW, unbroken
 from grader.web.text.prose import cached_prose
 
-DANGLING = re.compile(r"(?:\s*+\([^)]*+|\s++[\d.]++|[\s,;:=+-])++$")
+DANGLING = re.compile(r"(?:\s*+\([^)]*+|\s++[\d.]++|[\s.,;:=+-])++$")
+ASIDE = re.compile(r"(?<=\w) \([^()]*\)")
+FORMULA = re.compile(r"\$([^$]*)\$")
+GREEK = re.compile(r"\\([A-Za-z][a-z]+)(?![A-Za-z])")
 SHORT = 44
 """Characters of a question in the list of questions."""
 
@@ -39,16 +44,19 @@ def describe_unopened(quiz: Quiz, opens: str) -> dict[str, Any]:
 def describe_question(quiz_id: str, question: Question, starter: str | None) -> dict[str, Any]:
     """One question: its text as safe HTML, its points, attempts and limits as sentences, and its kind's template."""
     kind, view = kind_of(question), question_view(question)
+    form = FORMS[view.get("takes", "python")]
     return view | {
         "heading": unbroken(plain_text(question.title or question.label or kind.heading(question))),
         "short": shorten_title(question.title or question.label, question.q),
         "prompt": render_prompt(question.q),
         "opening": render_opening(question.q),
         "worth": describe_worth(question.points, question.attempts),
-        "allowance": describe_limits(view["limits"]) if "limits" in view else "",
+        "allowance": describe_limits(view["limits"]) if view.get("takes") == "python" else "",
         "starter": starter,
+        "form": form,
+        "starter_suffix": Path(kind.starter(question) or "").suffix,
         "path": f"/quizzes/{quiz_id}/{question.id}",
-        "file": f"{question.id.replace('-', '_')}.py",
+        "file": f"{question.id.replace('-', '_')}{form.suffix}",
         "is_script": kind.is_script,
         "template": f"kinds/{question.kind}.html",
     }
@@ -81,12 +89,26 @@ def list_titles(library: Library) -> dict[tuple[str, str], str]:
 
 def shorten_text(text: str) -> str:
     """Returns the first words of a question that has no title, for the list of questions. They end neither in an open
-    bracket nor with a number whose unit is left out."""
-    words = " ".join(text.replace("$", "").split())
+    bracket nor with a number whose unit is left out; what stands in brackets gives way to what follows it."""
+    words = " ".join(FORMULA.sub(spell_formula, text).split())
     if len(words) <= SHORT:
         return words
-    head = textwrap.shorten(words, SHORT, placeholder="")
+    head = textwrap.shorten(ASIDE.sub("", words), SHORT, placeholder="")
     return (DANGLING.sub("", head) or head) + "…"
+
+
+def spell_formula(formula: re.Match[str]) -> str:
+    """Returns a formula of TeX as plain text: Greek letters in place of their commands, no braces."""
+    return GREEK.sub(spell_letter, re.sub(r"[{}]", "", formula[1]))
+
+
+def spell_letter(command: re.Match[str]) -> str:
+    """Returns the Greek letter of a command of TeX; any other command as it is."""
+    name = command[1].replace("lambda", "lamda").replace("Lambda", "Lamda")  # as Unicode spells it
+    try:
+        return unicodedata.lookup(f"GREEK {'SMALL' if name.islower() else 'CAPITAL'} LETTER {name}")
+    except KeyError:
+        return command[0]
 
 
 def describe_worth(points: float, attempts: int | None) -> str:

@@ -21,7 +21,7 @@ from grader.web.verdict.work import Given
 WORD = re.compile(r"([A-Z][a-z]+(?: [a-z]+){0,2}): ")
 """What a message begins with to sum itself up, such as `Too high: `."""
 NAMED_LINE = re.compile(r"\b[Ll]ine (\d{1,5})\b")
-HIDDEN = re.compile(r"Hidden case \d+$")
+HIDDEN = re.compile(r"Hidden case (\d+)(: .*)?")
 ENDED = frozenset({Status.CRASHED, Status.FORBIDDEN, Status.TIMED_OUT, Status.OUT_OF_MEMORY, Status.OUTPUT_TOO_LARGE})
 """How a script ends as a whole: its verdict has findings only where it ended so in every case."""
 
@@ -87,6 +87,7 @@ class Card:
     script: MarkedScript | None = None
     tableau: read.Tableau | None = None
     values: tuple[read.Value, ...] = ()
+    tables: tuple[read.Table, ...] = ()
     explanation: Markup = field(default_factory=Markup)
     stdout: str = ""
     stderr: str = ""
@@ -129,7 +130,8 @@ def build_card(given: Given) -> Card | None:
     evidence = verdict.get("evidence") or {}
     titles = {finding["id"]: finding["title"] for finding in findings}
     diagnosis = verdict.get("diagnosis") or verdict.get("remark") or ""
-    said = capitalize(unbroken(diagnosis)) if diagnosis.startswith(tuple(titles.values())) else unbroken(diagnosis)
+    cases = {title.partition(": ")[0] for title in titles.values()}
+    said = capitalize(unbroken(diagnosis)) if diagnosis.startswith(tuple(cases)) else unbroken(diagnosis)
     notes = (ended,) if ended else tuple(list_notes(columns, rows, said))
     score = f"{points(verdict['points'])} of {format_count(verdict['max_points'], 'point')}" if given.is_decided else ""
     return Card(
@@ -137,11 +139,20 @@ def build_card(given: Given) -> Card | None:
         unbroken(verdict.get("read_as") or ""), columns, tuple(row for row in rows if not row.passed),
         tuple(row for row in rows if row.passed), notes, tuple(cells),
         mark_script(given.text, verdict), read.read_one(evidence, "tableau", read.Tableau),
-        tuple(read.read_list(evidence, "values", read.Value)),
+        tuple(read.read_list(evidence, "values", read.Value)), tuple(list_tables(evidence, titles)),
         cached_prose(verdict["explain"]) if verdict.get("explain") else Markup(),
         (verdict.get("stdout") or "").rstrip(), (verdict.get("stderr") or "").rstrip(), tuple(list_facts(verdict)),
         evidence, titles,
     )  # fmt: skip
+
+
+def list_tables(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Iterator[read.Table]:
+    """Yields the tables of the evidence that have rows, each headed by the title of its case."""
+    for table in read.read_list(evidence, "tables", read.Table):
+        found = (title for id_, title in titles.items() if id_ == table.case or id_.startswith(f"{table.case}."))
+        name = next(found, table.case).partition(": ")[0]
+        if table.rows:
+            yield table.model_copy(update={"title": f"{table.title}: {name}" if table.title else name})
 
 
 def describe_end(status: str, findings: Sequence[Mapping[str, Any]]) -> str:
@@ -196,7 +207,7 @@ def describe_place(names: Sequence[str], cases: str, of: int) -> str:
 def describe_cases(titles: Sequence[str]) -> str:
     """Titles of cases in a row, hidden ones that follow each other as `Hidden cases 1 to 6`."""
     ranges = []
-    for hidden, group in groupby(titles, lambda title: bool(HIDDEN.match(title))):
+    for hidden, group in groupby(titles, lambda title: bool(HIDDEN.fullmatch(title) and title[-1].isdigit())):
         some = list(group)
         numbers = [int(title.split()[-1]) for title in some] if hidden else []
         is_whole = len(some) > 1 and numbers == [*range(numbers[0], numbers[0] + len(some))] if hidden else False
@@ -223,20 +234,34 @@ def build_cell(finding: Mapping[str, Any]) -> Cell:
             message[found.end() :][:1].upper() + message[found.end() + 1 :],
         )
     measured = "" if rubric else describe_value(finding.get("measured"))
+    if {measured, describe_number(finding.get("measured"))} & {*re.split(r"[\s;]|\.(?=\s|$)", message)}:
+        measured = ""  # the message has it
+    elif measured and measured in message:
+        measured = ""
     return Cell(badge, title, message, measured, describe_value(finding.get("expected")), **worth)
 
 
 def merge_cells(cells: Sequence[Cell]) -> list[Cell]:
-    """The cells with failed hidden cases that follow each other and say the same made one: `Hidden cases 1 to 6`."""
+    """The cells with those of failed hidden cases in a row that say the same of the same part made one: `Hidden cases 1
+    to 6`, `Hidden cases 1 and 2: settling time`. It stands where the first of them stood."""
     found: list[Cell] = []
-    for (hidden, *_), group in groupby(cells, lambda cell: (bool(HIDDEN.match(cell.title)), cell.badge, cell.message)):
-        some = list(group)
-        if not hidden or some[0].passed or len(some) == 1:
-            found.extend(some)
+    runs: dict[tuple[str, Badge, str], tuple[int, int, int]] = {}
+    """Of each part, badge and message: the place in `found`, the first case and the last one."""
+    for cell in cells:
+        match = None if cell.passed else HIDDEN.match(cell.title)
+        if match is None:
+            found.append(cell)
             continue
-        title = describe_range(*(int(cell.title.split()[-1]) for cell in (some[0], some[-1])))
-        got, of = sum(cell.got for cell in some), sum(cell.of for cell in some)
-        found.append(replace(some[0], title=title, got=got, of=of))
+        case, part = int(match[1]), match[2] or ""
+        at, first, last = runs.get((part, cell.badge, cell.message), (len(found), case, case))
+        if last == case - 1:
+            earlier = found[at]
+            title = f"{describe_range(first, case)}{part}"
+            found[at] = replace(earlier, title=title, got=earlier.got + cell.got, of=earlier.of + cell.of)
+        else:
+            at, first = len(found), case
+            found.append(cell)
+        runs[part, cell.badge, cell.message] = (at, first, case)
     return found
 
 
@@ -253,6 +278,11 @@ def describe_value(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name.replace('_', ' ')} {describe_value(one)}" for name, one in value.items())
     return str(value)
+
+
+def describe_number(value: Any) -> str:
+    """Returns a number to the four figures that messages have."""
+    return number(value, 4) if isinstance(value, int | float) else "\0"
 
 
 def list_rubric(measured: Any) -> Iterator[str]:

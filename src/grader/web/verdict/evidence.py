@@ -2,9 +2,9 @@
 Evidence is stored JSON, possibly of an older version, so what cannot be read is left out."""
 
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 
 class Part(BaseModel):
@@ -121,6 +121,22 @@ class Chart(Part):
     marks: list[Mark] = []
 
 
+class Geom(Part):
+    """A geom of a model: MuJoCo's sizes [m], place [m] and rotation matrix by rows."""
+
+    type: str
+    size: tuple[float, float, float]
+    at: tuple[float, float, float]
+    turned: tuple[float, float, float, float, float, float, float, float, float]
+
+
+class Model(Part):
+    """The geoms of a model where a case begins."""
+
+    case: str
+    geoms: list[Geom] = Field(max_length=1000)
+
+
 class Value(Part):
     """One result of a call: computed and expected."""
 
@@ -131,6 +147,21 @@ class Value(Part):
     unit: str | None = None
     computed: Any = None
     expected: Any = None
+
+
+class Table(Part):
+    """A table that a kind of exercise asks for: texts, a row of headings and rows of as many cells."""
+
+    case: str
+    title: str = ""
+    head: list[str] = Field(min_length=1, max_length=12)
+    rows: list[list[str]] = Field(max_length=100)
+
+    @model_validator(mode="after")
+    def _has_whole_rows(self) -> Self:
+        if any(len(row) != len(self.head) for row in self.rows):
+            raise ValueError("a row has more or fewer cells than there are headings")
+        return self
 
 
 Read = TypeVar("Read")

@@ -15,7 +15,7 @@ LINES_MAX = 8
 OFF_BY = 0.3
 """An order that differs by this much counts as another one."""
 INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast", "discrete")
-STYLES = ("implicitfast", "Euler", "discrete", "implicit", "RK4")
+STYLES = ("Euler", "implicitfast", "discrete", "implicit", "RK4")
 """Colours and dashes of lines that are not an integrator's."""
 
 
@@ -195,12 +195,9 @@ def draw_chart(chart: Chart, lines: Sequence[tuple[str, list[Point]]], width: fl
         style = label if label in INTEGRATORS else STYLES[index % len(STYLES)]
         inner.path(f"line {style}", [(across.at(x), up.at(y)) for x, y in points])
     picture.clipped(LEFT, TOP, width - RIGHT - LEFT, HEIGHT - FOOT - TOP, inner)
-    tops: list[float] = []
-    for label, points in lines:
-        y = min(max(up.at(points[-1][1]) - 6, TOP + 10), HEIGHT - FOOT - 4)
-        while any(abs(y - other) < 15 for other in tops):
-            y += 15
-        tops.append(y)
+    y = -math.inf
+    for label, points in sorted(lines, key=lambda line: up.at(line[1][-1][1])):  # in the order of the lines' ends
+        y = max(y + 15, min(max(up.at(points[-1][1]) - 6, TOP + 10), HEIGHT - FOOT - 4))
         if label:
             picture.text(label, width - RIGHT - 2, y, "name halo", "end")
     return picture

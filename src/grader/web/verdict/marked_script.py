@@ -14,6 +14,12 @@ FOLDED_MAX = 300
 RAISED = re.compile(r"\bin line (\d+) of your script\b|\(line (\d+): ")
 """How verdicts without `line`, which are older, name the line that raised."""
 
+PLACE = re.compile(r" \(line \d+: .*\)(?=$|\.$)|, in line \d+ of your script\b")
+"""What a diagnosis says of the place, which is needless beside it."""
+
+CONDITION = "If you did"
+"""What begins a sentence that makes no sense without the one before it."""
+
 SENTENCE_END = re.compile(r"(?<=[.!?]) (?=[A-Z])")
 CLAUSE = re.compile(r"(?<=[a-z0-9)])(?<!Error)(?<!Exception): (?=[a-z])")
 """What stands before the advice in a sentence such as `data.act does not change: advance it with data.act_dot`."""
@@ -87,8 +93,9 @@ def read_raised_line(diagnosis: str) -> int:
 
 def find_advice(diagnosis: str) -> str:
     """Returns the end of a diagnosis that says what to do there; all of it where it has one clause."""
-    first, *others = SENTENCE_END.split(diagnosis.strip(), maxsplit=1)
-    if others:
+    diagnosis = PLACE.sub("", diagnosis.strip())
+    first, *others = SENTENCE_END.split(diagnosis, maxsplit=1)
+    if others and not others[0].startswith(CONDITION):
         return others[0]
     *_, last = CLAUSE.split(first, maxsplit=1)
-    return last[:1].upper() + last[1:]
+    return " ".join((last[:1].upper() + last[1:] if last.split(" ")[0].isalpha() else last, *others))

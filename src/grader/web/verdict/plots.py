@@ -8,9 +8,11 @@ from typing import Any
 
 from markupsafe import Markup
 
+from grader.web.text.numbers import capitalize, unbroken
 from grader.web.verdict import evidence as read
 from grader.web.verdict.line_plots import plot_chart, plot_difference, plot_order
 from grader.web.verdict.motion_plot import plot_motion
+from grader.web.verdict.scene_plot import plot_models
 from grader.web.verdict.stability_map import plot_stability
 from grader.web.verdict.svg import Drawing, Sketch
 
@@ -53,15 +55,26 @@ def list_sketches(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Ite
     named = {one.case: one.integrator for one in read.read_list(evidence, "claims", read.Claim)}
     if runs:
         yield plot_motion(runs, named)
+    references = {one.case: one for one in read.read_list(evidence, "references", read.Model)}
+    for index, model in enumerate(read.read_list(evidence, "models", read.Model)):
+        yield plot_models(model, references.get(model.case), capitalize(name_case(titles, model.case)), index)
     order = read.read_one(evidence, "order", read.Order)
     if order is not None and (plot := plot_order(order)) is not None:
         yield plot
     for difference in read.read_list(evidence, "differences", read.Difference):
         if (plot := plot_difference(difference, titles.get(difference.case, difference.case))) is not None:
             yield plot
-    for index, chart in enumerate(read.read_list(evidence, "charts", read.Chart)):
-        if (plot := plot_chart(chart, titles.get(chart.case, chart.case), index)) is not None:
+    charts = [chart for key in ("motions", "charts") for chart in read.read_list(evidence, key, read.Chart)]
+    for index, chart in enumerate(charts):
+        if (plot := plot_chart(chart, capitalize(unbroken(name_case(titles, chart.case))), index)) is not None:
             yield plot
+
+
+def name_case(titles: Mapping[str, str], case: str) -> str:
+    """Returns the title of a case, of which each part may be a finding, `case.part`: what stands before the colon."""
+    if case in titles:
+        return titles[case]
+    return next((title for id_, title in titles.items() if id_.startswith(f"{case}.")), case).partition(": ")[0]
 
 
 def group_claims(claims: Sequence[read.Claim]) -> list[list[read.Claim]]:

@@ -15,7 +15,7 @@ from grader.courses.rules.progress import Compared, describe_progress
 from grader.domain.policy import Policy
 from grader.domain.verdict import Status
 from grader.library import Library
-from grader.questions import Question, Quiz
+from grader.questions import Question, Quiz, describe_file
 from grader.store import line_comments, results, submissions
 from grader.store.submissions import Mark, SubmissionFilter
 from grader.store.tables import Result, Submission
@@ -77,6 +77,12 @@ class Given:
     def is_script(self) -> bool:
         """Whether the answer is a script."""
         return isinstance(self.answer, dict) and "source" in self.answer
+
+    @property
+    def file(self) -> str:
+        """The size and digest of a file that was handed in; empty for other answers."""
+        is_file = isinstance(self.answer, dict) and "file" in self.answer
+        return describe_file(str(self.answer["file"])) if is_file else ""
 
     @property
     def commented(self) -> list[tuple[Comment, str]]:
