@@ -152,6 +152,10 @@ def record_answers(scene: Scene) -> None:
     scene.record(ada, "GET /submissions/{submission_id}/films", submission_id=answered["id"])
     scene.record(ada, "POST /submissions/{submission_id}:stop", submission_id=queued["id"])
     scene.record(ada, "GET /submissions/{submission_id}/events", submission_id=queued["id"])
+    line = {"line": 1, "text": "Which criterion is this?"}
+    route = "/submissions/{submission_id}/comments"
+    scene.record(scene.tina, f"POST {route}", 201, submission_id=queued["id"], json=line)
+    scene.record(ada, f"GET {route}", submission_id=queued["id"])
     ada.post(f"{API}/submissions", json={"quiz": "small", "question": "q3", "answer": 1}).raise_for_status()
     scene.record(ada, "GET /submissions", params={"limit": 1})
     lab = {"quiz": "small", "question": "q3", "controls": {"step": 0.01}, "seconds": 0.02}

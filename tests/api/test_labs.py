@@ -2,11 +2,14 @@
 
 import asyncio
 import gzip
+import json
+import queue
 import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -43,12 +46,45 @@ def test_a_lab_opens_with_the_prediction_and_not_before(
     assert teacher.post(RUN, json=LAB).status_code == 200
 
 
+@pytest.mark.parametrize("kind", ["numeric", "numbers"])
+def test_the_lab_of_a_number_opens_with_the_first_answer(
+    kind: str, open_site_with: Callable[..., Any], tmp_path: Path
+) -> None:
+    number = {"answer": 3, "unit": "m", "verify": {"by": "expression", "expr": "3"}}
+    sim = {"xml": "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>", "seconds": 1,
+           "readouts": [{"label": "height", "expr": "data.qpos[2] + 77"}]}  # fmt: skip
+    field = {"id": "x", "label": "x"}
+    own = number if kind == "numeric" else {"fields": [field | number]}
+    (tmp_path / "quizzes").mkdir()
+    quiz = {"id": "own", "title": "Own", "questions": [{"kind": kind, "q": "How far?", "sim": sim} | own]}
+    (tmp_path / "quizzes/own.json").write_text(json.dumps(quiz))
+    ann = open_site_with(content=tmp_path).client("ann")
+    (view,) = ann.get("/api/v1/quizzes/own").json()["questions"]
+    assert view["has_lab"] is True and "77" not in json.dumps(view) and "lab" not in view
+    asked = {"quiz": "own", "question": "q1"}
+    assert ann.post(RUN, json=asked).status_code == 409
+    wrong = "2 m" if kind == "numeric" else {"x": "2 m"}
+    assert ann.post("/api/v1/submissions", json=asked | {"answer": wrong}).json()["verdict"]["status"] == "incorrect"
+    assert ann.post(RUN, json=asked).json()["readouts"][0]["label"] == "height"
+
+
 def test_a_run_has_frames_readouts_and_no_warning_here(predicted: httpx.Client) -> None:
     run = predicted.post(RUN, json={**LAB, "controls": {"step": 0.002}, "seconds": 1}).json()
     assert run["controls"] == {"step": 0.002, "stiffness": 100.0}
     assert len(run["times"]) == len(run["frames"]) == len(run["readouts"][0]["values"])
     assert run["readouts"][0]["values"][0] == 1.0
     assert run["warnings"] == []
+
+
+def test_a_body_is_pulled_and_what_no_run_may_have_is_refused(predicted: httpx.Client) -> None:
+    run = predicted.post(RUN, json={**LAB, "seconds": 1}).json()
+    moving = next(index for index, geom in enumerate(run["geoms"]) if geom["body"])
+    pull = {"geom": moving, "point": [0, 0, -0.5], "goal": [1, 0, 1], "begin": 0.5, "end": 0.9}
+    pulled = predicted.post(RUN, json={**LAB, "seconds": 1, "pulls": [pull]}).json()
+    assert pulled["readouts"][0]["values"][-1] != run["readouts"][0]["values"][-1]
+    for wrong in ({"geom": -1}, {"geom": 99}, {"end": 0.4}, {"goal": [1, 2]}, {"point": ["x", 0, 0]}, {"more": 1}):
+        assert predicted.post(RUN, json={**LAB, "seconds": 1, "pulls": [pull | wrong]}).status_code == 422
+    assert predicted.post(RUN, json={**LAB, "pulls": [pull] * 9}).status_code == 422
 
 
 def test_a_run_that_diverges_says_when(predicted: httpx.Client) -> None:
@@ -145,29 +181,31 @@ def test_a_run_in_progress_is_shared_and_its_first_asker_pays() -> None:
 
 
 def test_each_learner_waits_for_at_most_one_run_of_every_other() -> None:
-    begun = list[str]()
-    go = threading.Event()
+    begun, may_end = queue.SimpleQueue[str](), threading.Semaphore(0)
 
     def make(name: str) -> Recording:
-        begun.append(name)
-        assert go.wait(30)
+        begun.put(name)
+        assert may_end.acquire(timeout=30)
         return Recording(b"", 1)
 
-    async def ask() -> None:
+    async def ask() -> list[str]:
         runs = LabRuns(0, MANY_STEPS)
         asked = [(ANN, f"ann{n}") for n in range(WAITING_MAX)] + [(BOB, "bob0"), (BOB, "bob1"), (CAT, "cat0")]
         waiting = [asyncio.create_task(runs.get(who, name, partial(make, name))) for who, name in asked]
         await asyncio.sleep(0)
         with pytest.raises(TooManyRequests, match="not finished"):
             await runs.get(ANN, "one too many", partial(make, "one too many"))
-        await asyncio.sleep(0.1)
-        go.set()
+        order = [await asyncio.to_thread(begun.get, timeout=30) for _ in range(THREADS)]
+        while len(order) < len(asked):
+            may_end.release()  # one run ends at a time, so that one begins
+            order.append(await asyncio.to_thread(begun.get, timeout=30))
+        may_end.release(THREADS)
         await asyncio.gather(*waiting)
+        return order
 
-    asyncio.run(ask())
-    assert sorted(begun[:THREADS]) == [f"ann{n}" for n in range(THREADS)]
-    assert {"bob0", "cat0"} <= set(begun[: THREADS + 4])
-    assert "bob1" in begun[: THREADS + 6]
+    order = asyncio.run(ask())
+    assert sorted(order[:THREADS]) == [f"ann{n}" for n in range(THREADS)]
+    assert order[THREADS:] == ["ann2", "bob0", "cat0", "ann3", "bob1", *(f"ann{n}" for n in range(4, WAITING_MAX))]
 
 
 def test_a_run_is_refused_when_its_turn_comes_after_the_budget_is_spent_and_the_next_asker_pays() -> None:

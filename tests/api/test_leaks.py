@@ -143,6 +143,7 @@ def get_paths(site: Site, quiz: str, made: list[str]) -> list[str]:
         "lesson": ["questions"],
         "attempt": made,
         "name": ["motion", "order"],
+        "sha256": ["0" * 64],
     }.items():
         paths = {re.sub(rf"\{{{name}(:path)?\}}", value, one) for one in paths for value in values}
     lists = {f"{API}/submissions?quiz={quiz}", f"{API}/submissions?quiz={quiz}&question=choice", f"/?quiz={quiz}",

@@ -83,7 +83,8 @@ def stop(client: httpx.Client, address: str) -> httpx.Response:
 def case_of(site: Site, address: str) -> tuple[int, int] | None:
     """The case that the script is at, as its learner is told."""
     with site.app.state.services.database.read() as session:
-        return submissions.case_now(session, address.rpartition("/")[2])
+        at = submissions.case_now(session, address.rpartition("/")[2])
+        return None if at is None else (at.case, at.cases)
 
 
 def assert_stopped(stopped: httpx.Response) -> None:

@@ -1,12 +1,8 @@
-"""The mistakes of a class by family, and the claims of a verdict on their axes."""
-
-import math
+"""The mistakes of a class by family."""
 
 import pytest
 
-from grader.courses.rules.claims import Claim, ClaimAxis, list_bracket_axes, list_number_axes, merge_axes, read_claims
 from grader.courses.rules.mistakes import find_cure, group_mistakes, name_family, name_mistake
-from grader.questions.kinds.number import NumberQuestion
 
 BOUND = "You reported the bound 2*sqrt(I/kp), which ignores the damper: simulate instead of computing it."
 
@@ -40,6 +36,23 @@ def test_a_name_is_the_first_clause_and_the_cure_the_rest() -> None:
     assert find_cure("Just this.") == ""
 
 
+@pytest.mark.parametrize(
+    ("sentence", "name"),
+    [
+        ("energy: The damping is missing: subtract it.", "The damping is missing"),
+        ("step: data.time is left as it was: write it.", "data.time is left as it was"),
+        ("Gain K: your number is off by a power of ten: check the units.", "Your number is off by a power of ten"),
+        ("Period and speed: each number is doubled.", "Each number is doubled"),
+        ("from 1 rad: The state does not stay finite.", "The state does not stay finite"),
+        ("kp = 2, Euler: TypeError: x, in line 9.", "Ended with an error: TypeError"),
+        ("Your step is explicit: positions move first.", "Your step is explicit"),
+    ],
+)
+def test_a_name_leaves_out_where_the_mistake_was_made(sentence: str, name: str) -> None:
+    assert name_family(sentence).name == name
+    assert find_cure(sentence) != sentence
+
+
 def test_what_is_right_or_waits_is_no_mistake() -> None:
     assert name_mistake("correct", None) is None
     assert name_mistake("needs_review", None) is None
@@ -59,44 +72,3 @@ def test_still_is_the_newest_verdict_and_was_an_earlier_one() -> None:
         (short.key, ["cem"], ["bob"]),
     ]
     assert families[0].still[0].submission == "b3"  # the last one that ended in it
-
-
-def make_verdict(claim: object, *, said_none: bool = False, linear: object = 20.0) -> dict[str, object]:
-    limits = [{"case": "a.Euler", "linear_ms": linear, "within_ms": 20.1, "spring_ms": 22.4}]
-    claims = [{"case": "a.Euler", "claim_ms": claim, "said_none": said_none}]
-    return {"findings": [{"id": "a.Euler", "title": "kp, Euler"}], "evidence": {"claims": claims, "limits": limits}}
-
-
-def test_a_bracket_has_to_hold_the_limit() -> None:
-    [axis] = list_bracket_axes(make_verdict([19.9, 20.2]))
-    assert (axis.title, axis.unit, axis.right, axis.marks[0][1]) == ("kp, Euler", "ms", (20.0, 20.1), 22.4)
-    assert axis.accepts(Claim(19.9, 20.2)) and axis.accepts(Claim(20.05, 20.3))
-    assert not axis.accepts(Claim(22.1, 22.6)) and not axis.accepts(Claim(math.nan, math.nan))
-
-
-def test_without_a_limit_none_is_right() -> None:
-    [axis] = list_bracket_axes(make_verdict(None, said_none=True, linear=None))
-    [claim] = read_claims(make_verdict(None, said_none=True, linear=None), [axis]).values()
-    assert axis.right is None and claim.is_none and axis.accepts(claim)
-    assert not axis.accepts(Claim(20, 21))
-
-
-@pytest.mark.parametrize("claim", ["x", [1], [1, None], [math.inf, 2], {"a": 1}, None, [True, False]])
-def test_evidence_that_cannot_be_read_is_left_out(claim: object) -> None:
-    assert read_claims(make_verdict(claim), [ClaimAxis("a.Euler", "", "ms")]) == {}
-    assert list_bracket_axes({"evidence": {"claims": "old", "limits": 3}}) == []
-    assert list_bracket_axes({}) == []
-
-
-def test_the_axis_of_a_number_has_its_tolerance() -> None:
-    asked = NumberQuestion.model_validate(
-        {"id": "q", "kind": "numeric", "q": "?", "answer": 5, "tol": 0.5, "unit": "ms"}
-    )
-    [axis] = list_number_axes(asked)
-    assert axis.right == (4.5, 5.5) and not axis.is_limit
-    assert read_claims({"evidence": {"value": 10}}, [axis]) == {axis.id: Claim(10, 10)}
-
-
-def test_a_limit_that_one_verdict_knows_is_known() -> None:
-    unknown, known = ClaimAxis("a", "", "ms"), ClaimAxis("a", "", "ms", (1, 2))
-    assert merge_axes([[unknown], [known], [unknown]]) == [known]

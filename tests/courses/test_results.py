@@ -22,12 +22,13 @@ from grader.courses.rules.policy import Attempt, counted
 from grader.domain.policy import Extension
 from grader.domain.verdict import Status, Verdict
 from grader.library import Library, load
-from grader.store import extensions, intake, results, submissions
-from grader.store.engine.bulk import insert_rows, values_of
+from grader.store import extensions, intake, results
+from grader.store.engine.bulk import insert_rows
 from grader.store.engine.database import Database
 from grader.store.engine.ids import new_id
 from grader.store.intake import AnswerKeys, QuestionState
 from grader.store.results import LearnerAt
+from grader.store.submissions import values_of
 from grader.store.tables import Member, Result, ResultRevision, Submission, now
 from support.databases import BACKENDS, open_database
 
@@ -81,8 +82,7 @@ def hand_in(database: Database, library: Library, key: LearnerAt, verdict: Verdi
     submission = an_answer(key)
     with database.write() as session:
         states = states_at(session, key)
-        submissions.add(session, [(submission, verdict)])
-        counting.count_new(session, [NewSubmission(library, submission, verdict, key)], states, now())
+        counting.store_new(session, [NewSubmission(library, submission, verdict, key)], states, now())
     return submission
 
 

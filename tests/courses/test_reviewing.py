@@ -171,8 +171,7 @@ class Reviewing(RuleBasedStateMachine):
             place = LearnerAt.of(row)
             new = results.NewSubmission(self.desk.library, row, verdict, place)
             (stored,) = intake.read(session, [AnswerKeys(place)], now())
-            submissions.add(session, [(row, verdict)])
-            results.count_new(session, [new], {place: stored.state}, now())
+            results.store_new(session, [new], {place: stored.state}, now())
         self.answers.append(Answer(number, learner, quiz))
 
     @rule(reviewer=reviewers, quiz=st.none() | quizzes, second=st.booleans())

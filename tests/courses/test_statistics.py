@@ -3,7 +3,11 @@
 import json
 import math
 import random
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 import pytest
@@ -205,6 +209,43 @@ def test_every_part_of_an_answer_is_counted() -> None:
     assert [(one.number, one.value, one.learners) for one in typed.clusters] == [(0, 5.0, 2), (1, 7.125, 2)]
     assert ticked.clusters == ()
     assert typed.options == {}
+
+
+answers = st.fixed_dictionaries(
+    {
+        "points": st.sampled_from([0.0, 0.5, 1.0]),
+        "first_status": st.sampled_from([Status.CORRECT, Status.INCORRECT]),
+        "option": st.none() | st.integers(0, 2),
+        "value": st.none() | st.sampled_from([1.0, 1.001, 2.0]),
+        "diagnoses": st.lists(st.sampled_from(["a", "b", "c"]), unique=True).map(json.dumps),
+        "several": st.sampled_from([None, '{"option": [0, 2]}', '{"option": [2]}', '{"value": [1.0, null, 2.0]}']),
+    }
+)
+
+
+@given(st.dictionaries(st.tuples(st.integers(0, 9), st.sampled_from(["q", "r"])), answers, max_size=20))
+def test_learners_who_answered_alike_are_counted_as_if_one_by_one(given_answers: dict[tuple[int, str], Any]) -> None:
+    rows = [row(learner, question, **answer) for (learner, question), answer in given_answers.items()]
+    found = {one.question: one for one in statistics_of(rows, {"r": [0.0]})}
+    assert list(found) == list(dict.fromkeys(one.question for one in rows))
+    for name, told in found.items():
+        here = [one for one in rows if one.question == name]
+        several = [json.loads(one.several or "{}") for one in here]
+        options = [one.option for one in here if one.option is not None]
+        options += [option for one in several for option in one.get("option", ())]
+        assert told.options == dict(sorted(Counter(options).items()))
+        assert told.mistakes == Counter(mistake for one in here for mistake in json.loads(one.diagnoses))
+        assert told.difficulty == mean_share([one.points for one in here])
+        assert told.right_at_once == mean_share([float(one.first_status == Status.CORRECT) for one in here])
+        wrong = [one.value for one in here if one.value is not None and one.first_status != Status.CORRECT]
+        parts = [list(part) for part in zip_longest(*(one.get("value", ()) for one in several))]
+        columns = [[value for value in part if value is not None] for part in parts] or [wrong]
+        expected = [
+            replace(cluster, number=number)
+            for number, values in enumerate(columns)
+            for cluster in clusters_of(values, 0.0 if name == "r" and number == 0 else None)
+        ]
+        assert list(told.clusters) == expected
 
 
 @pytest.mark.parametrize(

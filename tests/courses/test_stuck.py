@@ -7,7 +7,7 @@ from itertools import count
 import pytest
 from sqlalchemy.orm import Session
 
-from grader.courses.reporting.stuck import RECENT, Stuck, find_stuck
+from grader.courses.reporting.stuck import RECENT, SharedMistake, Stuck, find_shared_mistakes, find_stuck
 from grader.domain.verdict import Status, Verdict
 from grader.store import submissions
 from grader.store.engine.database import Database
@@ -111,6 +111,21 @@ def test_what_a_person_marked_is_left_out(session: Session) -> None:
     at = {"course": COURSE, "quiz": "check", "question": "q2", "reviewer": "0" * 32, "name": "tina"}
     session.add(Review(submission_id=newest, **at, points=0.0, second=NONE))
     assert stuck(session) == []
+
+
+def test_a_mistake_is_shared_by_those_whose_newest_attempt_ends_in_it_and_who_have_not_solved_it(
+    session: Session,
+) -> None:
+    for name in ("ann", "bob", "cat"):
+        tries(session, name, (0.0, OTHER), (0.0, SECONDS))
+    tries(session, "dan", (0.0, SECONDS), (1.0, None))
+    tries(session, "eve", (0.0, SECONDS), days=RECENT.days + 1)
+    tries(session, "fay", (0.0, OTHER), question="q3")
+    session.flush()
+    key = find_shared_mistakes(session, COURSE)[0].key
+    assert find_shared_mistakes(session, COURSE) == [
+        SharedMistake("check", "q2", key, SECONDS.partition(";")[0], learners=3)
+    ]
 
 
 def test_only_the_newest_submissions_of_a_course_are_looked_at(session: Session) -> None:

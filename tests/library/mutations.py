@@ -22,11 +22,13 @@ from typing import Any, NamedTuple
 
 from grader.certify.keys import certify_quizzes
 from grader.certify.remarks import estimate_luck
-from grader.domain.lab import IntegratorsLab, LabConfig
-from grader.domain.run import RunReport, RunStatus
+from grader.domain.lab import LabConfig
+from grader.domain.run import Job, RunReport, RunStatus
 from grader.errors import ContentError
 from grader.exercises import judge_exercise, luck, plan_exercise, prepare_exercise, write_lazy_answers
-from grader.labs import run_integrators, watch_lab
+from grader.labs import watch_lab
+from grader.labs.kinds.integrators.comparison import run_integrators
+from grader.labs.kinds.integrators.lab import IntegratorsLab
 from grader.library import Library, load
 from grader.questions import installed_kinds, kind_of, question_view
 from grader.questions.kinds.script import ScriptQuestion
@@ -85,7 +87,7 @@ def contents() -> tuple[dict[str, str], ...]:
 
 def files_of(root: Path) -> dict[str, str]:
     """The text of every file that content is made of."""
-    patterns = ("quizzes/*.json", "quizzes/starters/*.py", "models/*.xml", "programs/*.py")
+    patterns = ("quizzes/*.json", "quizzes/*/*.py", "quizzes/*/*.xml", "models/*.xml", "programs/*.py")
     return {
         path.relative_to(root).as_posix(): path.read_text(encoding="utf-8")
         for pattern in patterns
@@ -190,13 +192,18 @@ def check_script(question: ScriptQuestion, library: Library) -> None:
         plan = plan_exercise(question, library.model_xml, seed, library.text)
         json.dumps([plan.inputs, plan.hidden_inputs], allow_nan=False)
         prepare_exercise(question, plan)
-        judge_exercise(question, plan, RunReport(RunStatus.RETURNED)).model_dump_json()
+        judge_exercise(question, plan, RunReport(RunStatus.RETURNED), fail_to_measure).model_dump_json()
     write_lazy_answers(question, library.model_xml, None, library.text)
     draws, luck.DRAWS = luck.DRAWS, DRAWS
     try:
         estimate_luck(question, library.model_xml, library.text)
     finally:
         luck.DRAWS = draws
+
+
+def fail_to_measure(job: Job) -> RunReport:
+    """Says that what the script made cannot be measured: no jail is here."""
+    return RunReport(RunStatus.CRASHED)
 
 
 def run_one(lab: LabConfig | IntegratorsLab, library: Library) -> None:

@@ -16,6 +16,7 @@ from grader.library import Library, load
 from grader.library.json_text import parse_json
 from grader.questions.kinds.script import ScriptQuestion
 
+REPOSITORY = Path(__file__).parents[2]
 XML = '<mujoco><worldbody><body name="ball"><freejoint/><geom name="ball" size="1"/></body></worldbody></mujoco>'
 HINGE = '<mujoco><worldbody><body><joint/><geom size="1"/></body></worldbody></mujoco>'
 MCQ = {"kind": "mcq", "q": "Which?", "options": ["a", "b"], "answer": 1, "whys": ["a is not.", "b is."]}
@@ -30,7 +31,7 @@ SIM = {
     "model": "ball",
     "controls": [{"label": "h", "set": "model.opt.timestep", "min": 0.001, "max": 0.01, "step": 0.001, "value": 0.002}],
 }
-PREDICT = {"kind": "predict", "q": "What?", "options": ["a", "b"], "answer": 0, "sim": SIM}
+PREDICT: dict[str, Any] = {"kind": "predict", "q": "What?", "options": ["a", "b"], "answer": 0, "sim": SIM}
 
 
 @pytest.fixture
@@ -555,3 +556,26 @@ def test_equal_options_dates_in_words_and_misspelt_names_are_told_with_a_cure(ro
     assert found["lab.model"].endswith("did you mean 'ball'?")
     write(root, labs=[{**lab, "model": "ball"}])
     assert told(root)["lab.readouts.0.expr"].endswith("data.qops cannot be read here: did you mean data.qpos?")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("quiz", ["1.3-check", "1.3-exercises", "2.1-exercises", "4.1-exercises", "5.1-check"])
+def test_a_quiz_that_is_loaded_for_one_question_is_the_same(quiz: str) -> None:
+    """Its digest too, in which the texts that its exercises name take part."""
+    whole = load(REPOSITORY, quiz)
+    for question in (whole.quiz(quiz).questions[0], whole.quiz(quiz).questions[-1]):
+        alone = load(REPOSITORY, quiz, question=question.id)
+        assert alone.quizzes == whole.quizzes
+        assert (alone.digest(quiz), alone.sources, alone.texts) == (whole.digest(quiz), whole.sources, whole.texts)
+        assert (alone.warnings, alone.models, alone.starters) == ((), whole.models, whole.starters)
+
+
+def test_the_lab_of_another_question_is_not_tried(root: Path) -> None:
+    broken: dict[str, Any] = copy.deepcopy(PREDICT)
+    broken["sim"]["controls"][0]["set"] = "model.opt.nothing"
+    quiz = {"id": "a", "title": "A", "questions": [MCQ, broken]}
+    (root / "quizzes" / "a.json").write_text(json.dumps(quiz))
+    assert load(root, "a", question="q1").question("a", "q1").kind == "mcq"
+    for question in ("q2", None):
+        with pytest.raises(ContentError, match="nothing"):
+            load(root, "a", question=question)

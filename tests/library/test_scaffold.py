@@ -9,6 +9,7 @@ from grader.certify.keys import find_refused_keys
 from grader.library import load
 from grader.library.scaffold import SCHEMA, list_scripts, list_shipped
 from grader.questions import installed_kinds
+from grader.settings import default_content, find_content
 from support.command_line import grader
 
 EXERCISES = sorted({sample.question["check"]["kind"] for sample in (*list_scripts(), *list_shipped())})
@@ -35,6 +36,27 @@ def test_a_new_course_has_a_question(course: Path) -> None:
     assert (course / "quizzes" / quiz["$schema"]).resolve() == course / SCHEMA
 
 
+def test_a_new_course_in_markdown_says_what_to_run_next(tmp_path: Path) -> None:
+    folder = tmp_path / "two words"
+    done = grader("new", "course", str(folder), "--markdown")
+    assert (done.returncode, done.stdout.strip()) == (0, str(folder / "quizzes" / "1.1-check.md"))
+    assert f"`grader author '{folder}'`" in done.stderr
+    assert f"`grader check '{folder}'`" in done.stderr
+    assert list_ids(folder) == ["mcq"]
+
+
+def test_commands_in_a_content_folder_are_about_it(course: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("GRADER_CONTENT", raising=False)
+    monkeypatch.chdir(course)
+    done = grader("check", "--only", "1.1-check")
+    assert (done.returncode, f"the content folder is {course}" in done.stderr) == (0, True), done.stderr
+    assert grader("grade", "1.1-check", "mcq", "0").returncode == 0
+    absent = grader("check", "--only", "1.1-chek")
+    assert "--only: 1.1-chek: is not there: take one of 1.1-check" in absent.stdout
+    monkeypatch.chdir(course.parent)
+    assert find_content() == default_content()
+
+
 def test_every_kind_of_question_can_be_added_twice(course: Path) -> None:
     for kind in installed_kinds():
         for _ in range(2):
@@ -48,7 +70,8 @@ def test_every_kind_of_question_can_be_added_twice(course: Path) -> None:
 def test_an_exercise_comes_with_a_reference_program(course: Path, kind: str) -> None:
     assert grader("new", "exercise", kind, "1.1-check", "--in", str(course)).returncode == 0
     _, id_ = list_ids(course)
-    assert (course / "reference_solutions" / "1.1-check" / id_ / "correct__example.py").is_file()
+    assert len([*(course / "reference_solutions" / "1.1-check" / id_).glob("correct__example.*")]) == 1
+    assert (course / "models").is_dir()
 
 
 def test_a_lesson_is_added(course: Path) -> None:

@@ -9,6 +9,7 @@ from grader.api.teaching import (
     courses,
     extensions,
     gradebook,
+    line_comments,
     people,
     policies,
     regrades,
@@ -18,8 +19,9 @@ from grader.api.teaching import (
 )
 
 ROOMS = (
-    quizzes, kits, submissions, films, on_behalf, events, reviews, saved_comments, labs, people, me, courses, devices,
-    roster, results, gradebook, statistics, extensions, policies, regrades, platforms, webhooks, health,
+    quizzes, kits, submissions, films, on_behalf, events, reviews, saved_comments, line_comments, labs, people, me,
+    courses, devices, roster, results, gradebook, statistics, extensions, policies, regrades, platforms, webhooks,
+    health,
 )  # fmt: skip
 
 

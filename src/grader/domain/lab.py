@@ -1,9 +1,8 @@
-"""The lab configs that authors write: `sim` of a predict question, and the labs of a lesson."""
+"""The lab configs that authors write: `sim` of a predict question, and what all labs of a lesson have."""
 
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AliasChoices, BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from grader.domain.numbers import Positive, Real
 
@@ -166,39 +165,21 @@ class LabConfig(LabPart):
         return tuple(dict.fromkeys((*(self.overlays or ()), *(self.toggles or ()))))
 
 
-class SimLab(LabConfig):
-    """A lab of a lesson that runs one scene."""
+class Lab(LabPart):
+    """What every lab of a lesson has. A kind of lab derives its own model, which narrows `kind` to its names. `note` is
+    HTML below the lab. `dock` is a key of the course's own page and changes nothing here."""
 
     id: str
-    kind: Literal["simlab"] = "simlab"
-
-
-def _first_model(fields: dict[str, Any]) -> str:
-    """The name of the first of `models`; "" where there is none."""
-    first = next(iter(fields.get("models", ())), "")
-    return str(first[0] if isinstance(first, tuple) else first)
-
-
-class IntegratorsLab(LabPart):
-    """A lab of a lesson that runs one scene under all five integrators from one state. `models` are names, or pairs of
-    name and label; without `model` it begins with the first. `duration` is another word for `seconds`."""
-
-    id: str
-    kind: Literal["integrators"]
+    kind: str
     title: str | None = None
-    models: tuple[str | tuple[str, str], ...] = Field(default=(), max_length=OPTIONS_MAX)
-    model: str = Field(default_factory=_first_model)
-    key: int | str | None = None
-    timestep: Positive = 0.002
-    seconds: Seconds = Field(default=20.0, validation_alias=AliasChoices("seconds", "duration"))
     note: str | None = None
     dock: bool = False
 
-    @property
-    def offered(self) -> dict[str, str]:
-        """The label of every model that may be chosen, by name."""
-        pairs = [one if isinstance(one, tuple) else (one, one) for one in self.models]
-        return {self.model: self.model} | dict(pairs)
+
+class SimLab(LabConfig, Lab):
+    """A lab of a lesson that runs one scene."""
+
+    kind: Literal["simlab"] = "simlab"
 
 
 class UnknownLab(LabPart):
@@ -209,17 +190,3 @@ class UnknownLab(LabPart):
     id: str
     kind: str
     title: str | None = None
-
-
-def _lab_kind(lab: Any) -> str:
-    """The class of a lab; a lab without a kind runs one scene."""
-    kind = lab.get("kind", "simlab") if isinstance(lab, Mapping) else getattr(lab, "kind", "simlab")
-    return kind if kind in ("simlab", "integrators") else "unknown"
-
-
-Lab = Annotated[
-    Annotated[SimLab, Tag("simlab")]
-    | Annotated[IntegratorsLab, Tag("integrators")]
-    | Annotated[UnknownLab, Tag("unknown")],
-    Discriminator(_lab_kind),
-]

@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 SOURCE_BYTES_MAX = 256 * 1024
+"""Largest script, model or file that is handed in."""
+
+MODULE_BYTES_MAX = 2 * SOURCE_BYTES_MAX
+"""Largest module that the jail imports: one that holds a model or a file in base64 is a third larger than that."""
 
 
 def ignore(*_: object) -> None:

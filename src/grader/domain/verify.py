@@ -7,6 +7,7 @@ from pydantic_core import PydanticCustomError
 
 from grader.domain.lab import CONTROLS_MAX, Expression, Seconds
 from grader.domain.numbers import NotNegative, Positive, Real
+from grader.domain.quantities import Summary, Window
 
 Setting = Annotated[dict[str, Real | bool | str], Field(max_length=CONTROLS_MAX)]
 """Control values of the question's lab, by label."""
@@ -153,8 +154,10 @@ class ByThreshold(Way):
     scale: Positive | None = None
 
 
-class ByMeasurement(Simulation):
-    """Measure the value of `expr` for a numeric question: at the end of a run, or its maximum, minimum or mean."""
+class ByMeasurement(Window, Simulation):
+    """Measure `expr` for a numeric question: its value at the `end` of a run of `seconds`, or a quantity of its whole
+    series, such as its `max` or `period`. Times, frequencies and rates are converted into the unit of the question;
+    everything else must be in it."""
 
     by: Literal["measurement"]
     model: str | None = None
@@ -163,8 +166,14 @@ class ByMeasurement(Simulation):
     setup: Expression | None = None
     controller: Expression | None = None
     expr: Expression
-    when: Literal["end", "max", "min", "mean"] = "end"
+    when: Literal["end", Summary] = "end"
     seconds: Seconds
+
+    @model_validator(mode="after")
+    def _has_a_band(self) -> Self:
+        if (self.band is not None) != (self.when == "settling"):
+            raise ValueError("give `band` with when settling, and only with it")
+        return self
 
 
 class ByExpression(Way):

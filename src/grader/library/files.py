@@ -18,18 +18,25 @@ def list_files(root: Path, folder: str, pattern: str) -> list[str]:
     return sorted(path.as_posix() for path in found if not any(part.startswith(".") for part in path.parts))
 
 
-def read_text(root: Path, name: str, bytes_max: int) -> str | Fault:
-    """Returns the text of a file named relative to `root`, or its fault."""
+def read_bytes(root: Path, name: str, bytes_max: int) -> bytes | Fault:
+    """Returns the bytes of a file named relative to `root`, or its fault."""
     try:
         if why := _path_fault(root, name):
             return Fault(name, "path", why)
         if (root / name).stat().st_size > bytes_max:
             return Fault(name, "size", f"is larger than {bytes_max // 1024} KB: make it smaller")
-        return (root / name).read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        return Fault(name, f"byte {error.start}", "is not UTF-8: save it as UTF-8")
+        return (root / name).read_bytes()
     except OSError as error:
         return Fault(name, "path", f"cannot be read: {error.strerror}")
+
+
+def read_text(root: Path, name: str, bytes_max: int) -> str | Fault:
+    """Returns the text of a file named relative to `root`, or its fault."""
+    data = read_bytes(root, name, bytes_max)
+    try:
+        return data if isinstance(data, Fault) else data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        return Fault(name, f"byte {error.start}", "is not UTF-8: save it as UTF-8")
 
 
 ENDINGS = {"quizzes": (".json", ".md"), "lessons": (".md",), "models": (".xml",)}

@@ -8,7 +8,7 @@ from pydantic.json_schema import models_json_schema
 
 from grader.domain.lab import UnknownLab
 from grader.exercises import load_kinds
-from grader.library.semantics import LAB_KINDS
+from grader.labs import lab_kinds
 from grader.questions import Quiz, installed_kinds
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
@@ -40,7 +40,7 @@ def build_quiz_schema() -> dict[str, Any]:
     for name, model in parameters.items():
         find(model)["properties"]["kind"] = {"const": name}
     unknown = parts[UnknownLab.__name__]
-    unknown["properties"]["kind"], unknown["required"] = {"type": "string", "not": {"enum": [*LAB_KINDS]}}, ["kind"]
+    unknown["properties"]["kind"], unknown["required"] = {"type": "string", "not": {"enum": [*lab_kinds()]}}, ["kind"]
     find(Quiz)["properties"]["$schema"] = {"type": "string", "description": "Where this schema is, for editors."}
     for part in find_objects(document):
         if part.get("additionalProperties") is False:

@@ -6,13 +6,15 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from grader.domain.lab import Lab, UnknownLab
+from grader.domain.media import Media
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import ContentError, Fault, NotFound
 from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, list_unread_files, read_text
 from grader.library.json_text import json_faults
-from grader.library.lesson_text import LESSON_BYTES_MAX, LessonText, read_lesson
+from grader.library.media import find_named_media, place_media, read_media
 from grader.library.mjcf import flattened, inline_faults, model_faults
 from grader.library.passed import NOTHING_PASSED, PassedChecks
 from grader.library.quiz_files import list_quiz_files, parse_quiz
@@ -28,7 +30,10 @@ from grader.library.semantics import (
     unknown_models,
 )
 from grader.library.snapshot import Library, digest_of
-from grader.questions import Quiz, kind_of
+from grader.questions import Question, Quiz, kind_of
+
+if TYPE_CHECKING:
+    from grader.library.lesson_text import LessonText
 
 
 @dataclass
@@ -38,26 +43,33 @@ class _Loading:
     root: Path
     passed: PassedChecks
     only: str | None = None
+    question: str | None = None
     faults: list[Fault] = field(default_factory=list)
     warnings: list[Fault] = field(default_factory=list)
+    media: dict[str, Media] = field(default_factory=dict)
     models: dict[str, str] = field(default_factory=dict)
     compiled: dict[str, str] = field(default_factory=dict)
     starters: dict[str, str] = field(default_factory=dict)
     texts: dict[str, str] = field(default_factory=dict)
     quizzes: dict[str, Quiz] = field(default_factory=dict)
-    lessons: dict[str, LessonText] = field(default_factory=dict)
+    lessons: "dict[str, LessonText]" = field(default_factory=dict)
     files: dict[str, str] = field(default_factory=dict)
     digests: dict[str, str] = field(default_factory=dict)
-    sources: dict[str, dict[str, str]] = field(default_factory=dict)
+    sources: dict[str, dict[str, str | bytes]] = field(default_factory=dict)
 
 
-def load(root: Path, only: str | None = None, passed: PassedChecks = NOTHING_PASSED) -> Library:
-    """Load quizzes/*.json and *.md, lessons/*.md, models/*.xml and the starters that the quizzes name, below `root`.
+def load(
+    root: Path, only: str | None = None, passed: PassedChecks = NOTHING_PASSED, question: str | None = None
+) -> Library:
+    """Load quizzes/*.json and *.md, lessons/*.md, models/*.xml, images/, files/ and the starters that the quizzes name,
+    below `root`.
     Raises ContentError with all faults of all files; lessons are read once the rest has none. With `only`, the library
     holds that quiz alone: all files are read, but neither labs nor exercises of other quizzes are tried, which takes
-    most of the time; nor is what has `passed` before."""
-    loading = _Loading(root, passed, only)
-    loading.faults += list_unread_files(root)
+    most of the time; nor is what has `passed` before. With a `question` of it the labs of its other questions are not
+    tried either, and nothing is remarked on."""
+    loading = _Loading(root, passed, only, question)
+    loading.media, faults, loading.warnings = read_media(root)
+    loading.faults += [*list_unread_files(root), *faults]
     _load_models(loading)
     names = list_quiz_files(root)
     if not names:
@@ -70,18 +82,18 @@ def load(root: Path, only: str | None = None, passed: PassedChecks = NOTHING_PAS
         _load_lessons(loading)
     if loading.faults:
         raise ContentError(sorted({(fault.file, fault.key): fault for fault in reversed(loading.faults)}.values()))
-    parts = ("quizzes", "lessons", "files", "models", "starters", "texts", "digests", "sources")
+    parts = ("quizzes", "lessons", "media", "files", "models", "starters", "texts", "digests", "sources")
     frozen: dict[str, Any] = {name: MappingProxyType(getattr(loading, name)) for name in parts}
     return Library(root, **frozen, warnings=tuple(sorted(loading.warnings)))
 
 
-def load_files(files: Mapping[str, str], passed: PassedChecks = NOTHING_PASSED) -> Library:
-    """Loads content of these texts by path, such as the `sources` of a quiz. Raises ContentError."""
+def load_files(files: Mapping[str, str | bytes], passed: PassedChecks = NOTHING_PASSED) -> Library:
+    """Loads content of these texts and pictures by path, such as the `sources` of a quiz. Raises ContentError."""
     with TemporaryDirectory(prefix="grader-content-") as folder:
-        for path, text in files.items():
+        for path, body in files.items():
             place = Path(folder, path)
             place.parent.mkdir(parents=True, exist_ok=True)
-            place.write_bytes(text.encode())
+            place.write_bytes(body.encode() if isinstance(body, str) else body)
         return load(Path(folder), passed=passed)
 
 
@@ -117,6 +129,8 @@ def _load_quiz(loading: _Loading, file: str) -> None:
 
 def _load_source(loading: _Loading, file: str, text: str, raw: dict[str, Any], own: Mapping[str, str]) -> None:
     """Loads what the file of a quiz says; `own` are the starters that stand in it."""
+    media = find_named_media(raw, loading.media)
+    place_media(raw, media)
     parsed = read_quiz(raw, file)
     known = [(key, part) for key, part in named_parts(raw) if not of_unknown_kind(part)]
     refused = [fault for key, part in known for fault in inline_faults(part, file, key)]
@@ -127,6 +141,8 @@ def _load_source(loading: _Loading, file: str, text: str, raw: dict[str, Any], o
     tried = [p for p in (*parsed.questions, *parsed.labs) if not any(key.startswith(f"{p.id}.") for key in keys)]
     named: dict[str, str] = {}
     text_of = partial(_read_into, named, loading.root)
+    if loading.question is not None:  # an exercise names texts, which are part of the quiz's digest
+        tried = [part for part in tried if part.id == loading.question or _is_exercise(part)]
     loading.faults += semantic_faults(tried, loading.compiled, text_of, file, loading.passed)
     loading.texts |= named
     if parsed.quiz is None:
@@ -139,18 +155,27 @@ def _load_source(loading: _Loading, file: str, text: str, raw: dict[str, Any], o
     _keep(loading, parsed.quiz, file, raw)
     starters = _starters(loading, parsed.quiz)
     models = {f"models/{name}.xml": xml for name, xml in loading.models.items()}
-    loading.digests[quiz_id] = digest_of({file: text}, loading.models, starters, named)
+    pictures = {path: one.sha256 for path, one in media.items()}
+    loading.digests[quiz_id] = digest_of({file: text}, loading.models, starters, named, pictures)
     beside = {path: starter for path, starter in starters.items() if path not in own}
-    loading.sources[quiz_id] = {file: text, **models, **beside, **named}
+    loading.sources[quiz_id] = {
+        file: text, **models, **beside, **named, **{path: one.body for path, one in media.items()},
+    }  # fmt: skip
+
+
+def _is_exercise(part: Question | Lab | UnknownLab) -> bool:
+    return isinstance(part, Question) and kind_of(part).is_script
 
 
 def _load_lessons(loading: _Loading) -> None:
+    from grader.library.lesson_text import LESSON_BYTES_MAX, read_lesson  # a single quiz is loaded without lessons
+
     for file in list_files(loading.root, "lessons", "*.md"):
         text = read_text(loading.root, file, LESSON_BYTES_MAX)
         if isinstance(text, Fault):
             loading.faults.append(text)
             continue
-        lesson, faults, remarks = read_lesson(text, file, loading.quizzes)
+        lesson, faults, remarks = read_lesson(text, file, loading.quizzes, loading.media)
         loading.lessons[lesson.id] = lesson
         loading.faults += faults
         loading.warnings += remarks
@@ -179,6 +204,8 @@ def _raw_faults(loading: _Loading, raw: dict[str, Any], file: str, own: Mapping[
 def _keep(loading: _Loading, quiz: Quiz, file: str, raw: dict[str, Any]) -> None:
     loading.quizzes[quiz.id] = quiz
     loading.files[quiz.id] = file
+    if loading.question is not None:
+        return
     for key, part in named_parts(raw):
         loading.warnings.extend(prose_warnings(part, file, key))
     loading.warnings.extend((*question_warnings(quiz, file), *lab_warnings(quiz, file)))

@@ -14,13 +14,15 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points, version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
 
-from grader import exercises, questions
+from grader import labs, questions
 from grader.errors import NotFound
-from grader.exercises import TextOf
+
+if TYPE_CHECKING:
+    from grader.exercises import TextOf
 
 log = structlog.get_logger()
 
@@ -47,8 +49,8 @@ class PassedChecks:
             object.__setattr__(self, "place", open_place(self.folder))
 
     def run(
-        self, check: str, inputs: Iterable[str], compute: Callable[[TextOf], Result],
-        *, text_of: TextOf, write: Callable[[Result], Any], read: Callable[[Any], Result],
+        self, check: str, inputs: Iterable[str], compute: "Callable[[TextOf], Result]",
+        *, text_of: "TextOf", write: Callable[[Result], Any], read: Callable[[Any], Result],
     ) -> Result:  # fmt: skip
         """Returns what a check gave when it passed, or computes it. Raises what `compute` does.
 
@@ -123,7 +125,7 @@ def digest_texts(texts: Iterable[str]) -> str:
     return digest.hexdigest()
 
 
-def digest_file(text_of: TextOf, path: str) -> str:
+def digest_file(text_of: "TextOf", path: str) -> str:
     """Returns the digest of a file's text, or why it cannot be read."""
     try:
         return digest_texts([text_of(path)])
@@ -141,7 +143,7 @@ def digest_code() -> str:
 
 
 def list_code() -> Iterator[Path]:
-    """Yields the source files of this package, and of every package that has a kind of question or exercise."""
+    """Yields the source files of this package, and of every package that has a kind of question, exercise or lab."""
     for name in sorted({__name__.partition(".")[0], *(point.module.partition(".")[0] for point in list_points())}):
         found = find_spec(name)
         if found is not None and found.submodule_search_locations is not None:
@@ -153,5 +155,8 @@ def list_code() -> Iterator[Path]:
 
 
 def list_points() -> list[EntryPoint]:
-    """Returns what installed packages offer as kinds of question and exercise, in order of the names."""
-    return sorted(point for group in (questions.GROUP, exercises.GROUP) for point in entry_points(group=group))
+    """Returns what installed packages offer as kinds of question, exercise and lab, in order of the names."""
+    from grader import exercises
+
+    groups = (questions.GROUP, exercises.GROUP, labs.GROUP)
+    return sorted(point for group in groups for point in entry_points(group=group))

@@ -3,11 +3,12 @@
 import html
 import re
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache
 
 from grader.domain.markup import quoted
+from grader.domain.media import ADDRESS
 from grader.domain.prose import (
     COMMENT_END,
     DISPLAY,
@@ -144,12 +145,22 @@ def _close(name: str, opened: list[str]) -> Iterator[str]:
 
 def _list_attribute_remarks(name: str, tag: str) -> Iterator[str]:
     attributes = {found[1].lower(): next(filter(None, found.groups()[1:]), "") for found in ATTRIBUTE.finditer(tag)}
-    if name == "img" and not attributes.get("src", "").startswith("https://"):
-        where = quoted(attributes.get("src", ""))
-        yield f"the picture {where} is not there: content has no pictures of its own, give an address (https://...)"
+    if name == "img":
+        yield from _list_picture_remarks(attributes)
     if name in HTML_TAGS:
         for attribute in sorted(attributes.keys() - HTML_ATTRIBUTES.get(name, set())):
             yield f"the attribute {attribute} of {tag[:60]} is not shown: remove it"
+
+
+def _list_picture_remarks(attributes: Mapping[str, str]) -> Iterator[str]:
+    """Yields what is wrong with a picture. Those of the content folder have their served addresses by now."""
+    address = attributes.get("src", "")
+    if not address.startswith(("https://", ADDRESS)):
+        cure = "put the file into images/ of the content folder, or give an address (https://...)"
+        yield f"the picture {quoted(address)} is not there: {cure}"
+    if "alt" not in attributes:
+        cure = 'add alt="what it shows", or alt="" where it only adorns'
+        yield f"the picture {quoted(address.rpartition('/')[2])} has no description: {cure}"
 
 
 def _list_markdown_remarks(plain: str) -> Iterator[str]:

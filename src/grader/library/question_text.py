@@ -1,7 +1,8 @@
-"""The text of one question in the file of a quiz, as its author wrote it, and with another in its place."""
+"""The text of one question in the file of a quiz, as its author wrote it, and where it stands."""
 
 import json
 import re
+from collections.abc import Iterator
 
 from grader.errors import NotFound
 from grader.library.quiz_files import is_markdown, parse_quiz
@@ -11,35 +12,50 @@ SPACE = re.compile(r"[\s,]*")
 
 def find_question(text: str, question: str, file: str) -> tuple[int, int]:
     """Returns where the source of a question begins and ends in the text of a quiz. Raises NotFound, also for a text
-    that is no JSON up to there."""
-    return (find_section if is_markdown(file) else find_object)(text, question, file)
+    that cannot be read up to there."""
+    for id_, start, end in list_places(text, file):
+        if id_ == question:
+            return start, end
+    raise NotFound(f"The file holds no question {question!r} that can be read.")
 
 
-def find_section(text: str, question: str, file: str) -> tuple[int, int]:
-    """Returns where a question of Markdown begins and ends: from its heading to the next. Raises NotFound."""
+def find_id(text: str, start: int, file: str) -> str | None:
+    """Returns the id of the question whose source begins here; None where there is none that can be read."""
+    try:
+        return next((id_ for id_, begin, _ in list_places(text, file) if begin == start), None)
+    except NotFound:
+        return None
+
+
+def list_places(text: str, file: str) -> Iterator[tuple[str, int, int]]:
+    """Yields id, begin and end of every question of a quiz; of JSON up to the first that cannot be read. Raises
+    NotFound."""
+    return list_sections(text, file) if is_markdown(file) else list_objects(text)
+
+
+def list_sections(text: str, file: str) -> Iterator[tuple[str, int, int]]:
+    """Yields id, begin and end of every question of Markdown: from its heading to the next."""
     starts = parse_quiz(text, file).questions
-    if question not in starts:
-        raise NotFound(f"The file holds no question {question!r}.")
     lines = text.splitlines(keepends=True)
-    begin = starts[question] - 1
-    end = min((start - 1 for start in starts.values() if start - 1 > begin), default=len(lines))
-    before = "".join(lines[:begin])
-    return len(before), len(before) + len("".join(lines[begin:end]).rstrip())
+    for question, line in starts.items():
+        begin = line - 1
+        end = min((start - 1 for start in starts.values() if start - 1 > begin), default=len(lines))
+        before = "".join(lines[:begin])
+        yield question, len(before), len(before) + len("".join(lines[begin:end]).rstrip())
 
 
-def find_object(text: str, question: str, _file: str) -> tuple[int, int]:
-    """Returns where the JSON of a question begins and ends. Raises NotFound."""
+def list_objects(text: str) -> Iterator[tuple[str, int, int]]:
+    """Yields id, begin and end of every question of JSON, up to the first that cannot be read. Raises NotFound."""
     decoder, position = json.JSONDecoder(), find_list(text)
     for number in range(1, len(text)):
         position = SPACE.match(text, position).end()  # type: ignore[union-attr]
         try:
             value, end = decoder.raw_decode(text, position)
         except json.JSONDecodeError:
-            break
-        if isinstance(value, dict) and value.get("id", f"q{number}") == question:
-            return position, end
+            return
+        if isinstance(value, dict):
+            yield str(value.get("id", f"q{number}")), position, end
         position = end
-    raise NotFound(f"The file holds no question {question!r} that can be read.")
 
 
 def find_list(text: str) -> int:
@@ -55,9 +71,3 @@ def find_list(text: str) -> int:
         except json.JSONDecodeError:
             break
     raise NotFound("The file holds no list of questions that can be read.")
-
-
-def replace_question(text: str, question: str, source: str, file: str) -> str:
-    """Returns the text of a quiz with another source of a question. Raises NotFound."""
-    start, end = find_question(text, question, file)
-    return text[:start] + source.strip() + text[end:]

@@ -5,7 +5,6 @@ from pathlib import Path
 from grader.errors import Fault
 from grader.library.files import QUIZ_BYTES_MAX, list_files, read_text
 from grader.library.json_text import parse_json
-from grader.library.markdown import read_markdown
 from grader.library.quiz_source import QuizSource
 
 MARKDOWN = ".md"
@@ -21,6 +20,8 @@ def list_quiz_files(root: Path) -> list[str]:
 def parse_quiz(text: str, file: str) -> QuizSource:
     """Returns what the text of a file says: JSON, or Markdown by the ending of its name."""
     if is_markdown(file):
+        from grader.library.markdown import read_markdown  # takes longer to import than JSON to be read
+
         return read_markdown(text, file)
     raw = parse_json(text, file)
     return QuizSource(None, (raw,)) if isinstance(raw, Fault) else QuizSource(raw)

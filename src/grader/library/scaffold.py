@@ -1,20 +1,22 @@
-"""Begins content: a folder, a quiz, and questions that pass the check at once, for their author to change."""
+"""Begins content: a folder, a quiz, and questions and labs that pass the check at once, for their author to change."""
 
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
 from grader.errors import Conflict, ContentError, Fault, NotFound, Unprocessable
+from grader.labs import lab_kinds
 from grader.library.files import QUIZ_BYTES_MAX, list_files, read_text
 from grader.library.json_schema import build_quiz_schema
-from grader.library.markdown import write_markdown, write_question
+from grader.library.markdown import write_lab, write_markdown, write_question
 from grader.library.quiz_files import is_markdown, list_quiz_files, parse_quiz
 from grader.library.quiz_source import QuizSource
 from grader.library.semantics import named_models
-from grader.questions import Quiz, installed_kinds
+from grader.questions import FORMS, Quiz, installed_kinds
 from grader.settings import default_content
 
 SCHEMA = "quiz.schema.json"
@@ -28,16 +30,16 @@ class Sample:
     it asks for one."""
 
     question: Mapping[str, Any]
-    files: Mapping[str, str] = field(default_factory=dict)
-    right: str | None = None
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    right: bytes | None = None
 
 
-def begin_course(root: Path) -> list[Path]:
+def begin_course(root: Path, *, as_markdown: bool = False) -> list[Path]:
     """Makes a content folder with one quiz of one question, and the schema for editors. Returns the files. Raises
     Conflict where there is content already."""
     if (root / "quizzes").exists():
         raise Conflict(f"{root / 'quizzes'} is there already: name a new folder")
-    return begin_quiz(root, FIRST_QUIZ, "Knowledge check")
+    return begin_quiz(root, FIRST_QUIZ, "Knowledge check", as_markdown=as_markdown)
 
 
 def begin_quiz(root: Path, quiz: str, title: str, *, as_markdown: bool = False) -> list[Path]:
@@ -53,10 +55,10 @@ def begin_quiz(root: Path, quiz: str, title: str, *, as_markdown: bool = False) 
     if there := next((file for file in list_quiz_files(root) if Path(file).stem == quiz), None):
         raise Conflict(f"{root / there} is there already: add to it, or choose another id")
     if as_markdown:
-        written = write_files(root, {f"quizzes/{quiz}.md": write_markdown({"id": quiz, "title": title})})
+        written = write_files(root, {f"quizzes/{quiz}.md": write_markdown({"id": quiz, "title": title}).encode()})
     else:
-        schema = {} if (root / SCHEMA).exists() else {SCHEMA: json.dumps(build_quiz_schema(), indent=1) + "\n"}
-        written = write_files(root, {**schema, f"quizzes/{quiz}.json": write_json(document)})
+        schema = {} if (root / SCHEMA).exists() else {SCHEMA: f"{json.dumps(build_quiz_schema(), indent=1)}\n".encode()}
+        written = write_files(root, {**schema, f"quizzes/{quiz}.json": write_json(document).encode()})
     add_question(root, quiz, "mcq")
     return written
 
@@ -72,26 +74,60 @@ def add_exercise(root: Path, quiz: str, kind: str) -> list[Path]:
     return add_sample(root, quiz, find_exercise(kind))
 
 
+def add_lab(root: Path, quiz: str, kind: str) -> list[Path]:
+    """Adds a lab of a kind to a quiz. Returns the files that were written. Raises NotFound, Conflict."""
+    kinds = lab_kinds()
+    if kind not in kinds:
+        raise NotFound(f"There is no kind of lab {kind!r}; the kinds are {', '.join(kinds)}.")
+    example = kinds[kind].example()
+    file, document = find_quiz(root, quiz)
+    labs = document.setdefault("labs", [])
+    lab = {"id": choose_id(kind, labs), **example.lab, "kind": kind}
+    written = write_files(root, {path: text.encode() for path, text in example.files.items()})
+    if is_markdown(file):  # labs stand before the first question
+        text = (root / file).read_text(encoding="utf-8")
+        head, mark, rest = text.partition("\n## ")
+        text = f"{head.rstrip()}\n\n{write_lab(lab)}\n{mark}{rest}"
+    else:
+        labs.append(lab)
+        text = write_json(document)
+    (root / file).write_text(text, encoding="utf-8")
+    return [root / file, *written]
+
+
 def find_sample(kind: str) -> Sample:
     """Returns a question of a kind. Raises NotFound."""
     kinds = installed_kinds()
     if kind not in kinds:
         raise NotFound(f"There is no kind of question {kind!r}; the kinds are {', '.join(kinds)}.")
     example = kinds[kind].example()
-    right = example.answers[0][0]["source"] if kinds[kind].is_script else None
-    return Sample({**example.question, "kind": kind}, example.files, right)
+    right = example.answers[0][0]["source"].encode() if kinds[kind].is_script else None
+    files = {path: text.encode() for path, text in example.files.items()}
+    return Sample({**example.question, "kind": kind}, files, right)
 
 
 def find_exercise(kind: str) -> Sample:
     """Returns an exercise of a kind: the example of scripts, or one of the content that the grader brings along. Raises
     NotFound."""
-    samples = dict[str, Sample]()
-    for sample in (*list_scripts(), *list_shipped()):
-        samples.setdefault(sample.question["check"]["kind"], sample)
+    samples = collect_exercises()
     if kind not in samples:
         known = ", ".join(sorted(samples))
         raise NotFound(f"There is no example of an exercise of the kind {kind!r}; there are examples of {known}.")
     return samples[kind]
+
+
+def collect_exercises() -> dict[str, Sample]:
+    """Returns an exercise of each kind of which there is an example, by kind."""
+    samples = dict[str, Sample]()
+    for sample in (*list_scripts(), *list_shipped()):
+        samples.setdefault(sample.question["check"]["kind"], sample)
+    return samples
+
+
+@cache
+def list_exercise_kinds() -> tuple[str, ...]:
+    """Returns the kinds of exercise of which there is an example."""
+    return tuple(sorted(collect_exercises()))
 
 
 def list_scripts() -> Iterator[Sample]:
@@ -105,11 +141,14 @@ def list_shipped() -> Iterator[Sample]:
     for file in list_files(ours, "quizzes", "*.json"):
         quiz = json.loads((ours / file).read_text(encoding="utf-8"))
         for question in quiz.get("questions", ()):
-            programs = list_files(ours, f"reference_solutions/{quiz['id']}/{question.get('id')}", "correct__*.py")
+            programs = list_files(ours, f"reference_solutions/{quiz['id']}/{question.get('id')}", "correct__*.*")
             if programs:
                 models = {f"models/{name}.xml" for _, name in named_models(question, "")}
-                paths = [*sorted(models), question["starter"], programs[0]]
-                *files, right = ((path, (ours / path).read_text(encoding="utf-8")) for path in paths)
+                check = question["check"]
+                named = [one["program"] for one in check.get("mistakes", ())]
+                named += [check[key] for key in ("reference", "program") if key in check]
+                named += [question["starter"]] if "starter" in question else []
+                *files, right = ((path, (ours / path).read_bytes()) for path in [*sorted(models), *named, programs[0]])
                 yield Sample(question, dict(files), right[1])
 
 
@@ -119,12 +158,14 @@ def add_sample(root: Path, quiz: str, sample: Sample) -> list[Path]:
     file, document = find_quiz(root, quiz)
     named = sample.question.get("id") or sample.question["kind"]
     questions = document.setdefault("questions", [])
-    taken = {question.get("id") for question in questions if isinstance(question, dict)}
-    names = chain([named], (f"{named}-{number}" for number in count(2)))
-    id_ = next(name for name in names if name not in taken)
+    id_ = choose_id(named, questions)
     question = {"id": id_, **{key: value for key, value in sample.question.items() if key != "id"}}
-    right = {} if sample.right is None else {f"reference_solutions/{quiz}/{id_}/correct__example.py": sample.right}
+    suffix = FORMS[sample.question.get("takes", "python")].suffix
+    program = f"reference_solutions/{quiz}/{id_}/correct__example{suffix}"
+    right = {} if sample.right is None else {program: sample.right}
     written = write_files(root, {**sample.files, **right})
+    if right:
+        (root / "models").mkdir(exist_ok=True)  # which scripts may read; without it no script runs
     if is_markdown(file):
         text = f"{(root / file).read_text(encoding='utf-8').rstrip()}\n\n{write_question(question)}\n"
     else:
@@ -132,6 +173,13 @@ def add_sample(root: Path, quiz: str, sample: Sample) -> list[Path]:
         text = write_json(document)
     (root / file).write_text(text, encoding="utf-8")
     return [root / file, *written]
+
+
+def choose_id(named: str, parts: list[Any]) -> str:
+    """Returns an id that no other question or lab has."""
+    taken = {part.get("id") for part in parts if isinstance(part, dict)}
+    names = chain([named], (f"{named}-{number}" for number in count(2)))
+    return next(name for name in names if name not in taken)
 
 
 def find_quiz(root: Path, quiz: str) -> tuple[str, dict[str, Any]]:
@@ -144,20 +192,20 @@ def find_quiz(root: Path, quiz: str) -> tuple[str, dict[str, Any]]:
         document = source.raw
         if not isinstance(document, dict) or document.get("id") != quiz:
             continue
-        if isinstance(document.get("questions", []), list):
+        if all(isinstance(document.get(name, []), list) for name in ("questions", "labs")):
             return file, document
     raise NotFound(f"There is no quiz {quiz!r} in {root}; `grader new lesson {quiz}` makes one.")
 
 
-def write_files(root: Path, files: Mapping[str, str]) -> list[Path]:
-    """Writes files that are not there yet, and returns them. Raises Conflict where one of another text is there."""
-    missing = {root / path: text for path, text in files.items() if not (root / path).exists()}
-    for path, text in files.items():
-        if root / path not in missing and (root / path).read_text(encoding="utf-8") != text:
+def write_files(root: Path, files: Mapping[str, bytes]) -> list[Path]:
+    """Writes files that are not there yet, and returns them. Raises Conflict where another one is there."""
+    missing = {root / path: body for path, body in files.items() if not (root / path).exists()}
+    for path, body in files.items():
+        if root / path not in missing and (root / path).read_bytes() != body:
             raise Conflict(f"{root / path} is there already, and is another one: rename it first")
-    for place, text in missing.items():
+    for place, body in missing.items():
         place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_text(text, encoding="utf-8")
+        place.write_bytes(body)
     return list(missing)
 
 

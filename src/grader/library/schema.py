@@ -11,14 +11,12 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from grader.domain import verify
 from grader.domain.lab import (
     Button,
-    IntegratorsLab,
     Lab,
     LabConfig,
     Plot,
     PlotTrace,
     Readout,
     Select,
-    SimLab,
     Slider,
     UnknownLab,
 )
@@ -26,11 +24,12 @@ from grader.domain.misread import misread, without_remarks
 from grader.domain.policy import Late, Policy
 from grader.domain.rubric import SecondMarking
 from grader.errors import Fault
+from grader.labs import lab_adapter, lab_kinds
 from grader.library.json_text import JsonObject, dotted
 from grader.questions import Question, Quiz, installed_kinds, question_adapter
+from grader.questions.drawing import fill_in_middle
 
 QUIZ = TypeAdapter[Quiz](Quiz)
-LAB = TypeAdapter[Lab](Lab)
 
 Part = TypeVar("Part")
 
@@ -39,8 +38,6 @@ PARTS: Mapping[str, type[BaseModel]] = {
     "policy": Policy,
     "late": Late,
     "second_marking": SecondMarking,
-    "simlab": SimLab,
-    "integrators": IntegratorsLab,
     "unknown": UnknownLab,
     "sim": LabConfig,
     "slider": Slider,
@@ -65,7 +62,7 @@ class ParsedQuiz:
 
     quiz: Quiz | None
     questions: list[Question]
-    labs: list[Lab]
+    labs: list[Lab | UnknownLab]
     faults: list[Fault]
 
 
@@ -73,7 +70,7 @@ def read_quiz(raw: dict[str, Any], file: str) -> ParsedQuiz:
     """Validate a quiz, naming questions by position, and collect every fault of its keys and values."""
     quizzes, faults = validate(QUIZ, [("", _without_lists(raw))], file)
     questions, question_faults = validate(question_adapter(), _named_questions(raw), file)
-    labs, lab_faults = validate(LAB, _named_labs(raw), file)
+    labs, lab_faults = validate(lab_adapter(), _named_labs(raw), file)
     faults += [*question_faults, *lab_faults, *_list_faults(raw, file), *_repeated_ids(raw, file)]
     parts = {"questions": tuple(questions), "labs": tuple(labs)}
     return ParsedQuiz(None if faults else quizzes[0].model_copy(update=parts), questions, labs, faults)
@@ -137,7 +134,7 @@ def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file:
     parts: list[Part] = []
     faults: dict[str, Fault] = {}
     for key, raw in items:
-        item = without_remarks(raw)
+        item = fill_in_middle(without_remarks(raw))
         try:
             parts.append(adapter.validate_json(json.dumps(item), strict=True))
         except ValidationError as error:
@@ -155,15 +152,17 @@ def _known_keys(steps: Sequence[str]) -> Iterable[str]:
 
 @cache
 def _parts() -> Mapping[str, type[BaseModel]]:
-    """The class of every part: those of questions by the names of their kinds, and what is in these by its key."""
+    """The class of every part: those of questions and labs by the names of their kinds, and what is in these by its
+    key."""
     questions = {name: kind.question for name, kind in installed_kinds().items()}
+    labs = {name: kind.lab for name, kind in lab_kinds().items()}
     inside = {
         key: part
-        for question in questions.values()
-        for key, field in question.model_fields.items()
+        for model in (*labs.values(), *questions.values())
+        for key, field in model.model_fields.items()
         for part in _models_in(field.annotation)
     }
-    return {**inside, **questions, **PARTS}
+    return {**inside, **labs, **questions, **PARTS}
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -179,6 +178,6 @@ def _choices() -> Mapping[str, str]:
     """Returns the values of the key that selects the class of a part."""
     *kinds, last = installed_kinds()
     return {
-        "kind": f"{', '.join(kinds)} or {last}; simlab or integrators for a lab",
+        "kind": f"{', '.join(kinds)} or {last}; {' or '.join(lab_kinds())} for a lab",
         "by": "options, outcome, stage, threshold, measurement or expression",
     }

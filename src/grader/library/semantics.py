@@ -7,26 +7,25 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from grader.domain.lab import OVERLAYS, IntegratorsLab, Lab, LabConfig, UnknownLab
+from grader.domain.lab import Lab, LabConfig, UnknownLab
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import Fault, NotFound
-from grader.exercises import TextOf, check_exercise
-from grader.labs import check_integrators, check_lab
+from grader.labs import lab_kind_of, lab_kinds, name_lab_kind
 from grader.library.files import read_text
 from grader.library.json_text import dotted
 from grader.library.passed import PassedChecks
 from grader.library.prose_remarks import list_prose_remarks
-from grader.library.verify_texts import list_verify_faults
 from grader.questions import ModelXml, Question, Quiz, kind_of
+
+if TYPE_CHECKING:
+    from grader.exercises import TextOf
 
 PROSE = ("q", "title", "options", "explain", "reference", "note")
 """Keys of texts that are shown with TeX between dollar signs."""
 
-LAB_KINDS = ("simlab", "integrators")
-
-PROSE_LISTS = re.compile(r"(?:^|\.)(?:options|items|extra|pairs\.[0-9]+)$")
+PROSE_LISTS = re.compile(r"(?:^|\.)(?:options|whys|items|extra|pairs\.[0-9]+)$")
 """Where a list of such texts stands."""
 
 LABELS = re.compile(r"(?:^|\.)fields\.[0-9]+\.label$")
@@ -45,7 +44,7 @@ def unknown_models(raw: Any, models: Mapping[str, str], file: str, key: str) -> 
 
 def of_unknown_kind(raw: Any) -> bool:
     """Says whether a part of a quiz is a lab of an unknown kind, whose keys are not read."""
-    return isinstance(raw, dict) and "q" not in raw and raw.get("kind", LAB_KINDS[0]) not in LAB_KINDS
+    return isinstance(raw, dict) and "q" not in raw and name_lab_kind(raw) not in lab_kinds()
 
 
 def named_models(raw: Any, key: str) -> Iterator[tuple[str, str]]:
@@ -71,20 +70,29 @@ def read_starter(root: Path, raw: Any, file: str, key: str, own: Mapping[str, st
     if not isinstance(name, str):
         return None, []
     at = dotted(key, "starter")
-    if not name.endswith(".py"):
-        return None, [Fault(file, at, f"{name!r} must be a .py file of the content folder")]
+    is_model = raw.get("takes") == "mjcf"  # beside a question that takes a file stands a script that writes it
+    suffix = ".xml" if is_model else ".py"
+    if not name.endswith(suffix):
+        return None, [Fault(file, at, f"{name!r} must be a {suffix} file of the content folder")]
     source = own[name] if name in own else read_text(root, name, SOURCE_BYTES_MAX)
     if isinstance(source, Fault):
         return None, [Fault(file, at, f"{name!r} {source.why}" if source.key == "path" else f"{name!r}: {source.why}")]
-    entry = raw.get("entry")
+    return source, [] if is_model else [
+        *find_undefined_entry(source, raw, file, at)
+    ]  # a model may be broken on purpose
+
+
+def find_undefined_entry(source: str, raw: Mapping[str, Any], file: str, at: str) -> Iterator[Fault]:
+    """Yields a fault for a starter that is no Python, or does not define the question's entry."""
+    name, entry = raw["starter"], raw.get("entry")
     try:
         defined = _top_level_names(source)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         line = getattr(error, "lineno", None)
-        return source, [Fault(name, f"line {line}", f"not valid Python: {getattr(error, 'msg', error)}")]
+        yield Fault(name, f"line {line}", f"not valid Python: {getattr(error, 'msg', error)}")
+        return
     if isinstance(entry, str) and entry not in defined:
-        return source, [Fault(file, at, f"{name!r} does not define {entry!r}, the entry of this exercise")]
-    return source, []
+        yield Fault(file, at, f"{name!r} does not define {entry!r}, the entry of this exercise")
 
 
 def _top_level_names(source: str) -> set[str]:
@@ -109,24 +117,23 @@ def question_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
 
 
 def lab_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
-    """Yields a warning for every lab of an unknown kind, and for every overlay that is not drawn."""
-    labs: dict[str, Lab | LabConfig] = {lab.id: lab for lab in quiz.labs}
+    """Yields a warning for every lab of an unknown kind, and what may surprise the authors of others."""
+    labs: dict[str, Lab | LabConfig | UnknownLab] = {lab.id: lab for lab in quiz.labs}
     for question in quiz.questions:
         if (simulation := kind_of(question).lab(question)) is not None:
             labs[dotted(question.id, "sim")] = simulation
     for key, lab in labs.items():
         if isinstance(lab, UnknownLab):
             yield Fault(file, dotted(key, "kind"), unknown_kind(lab.kind))
-        elif isinstance(lab, LabConfig) and (more := [name for name in lab.over_the_scene if name not in OVERLAYS]):
-            why = f"{', '.join(more)}: not drawn; what can be drawn are {', '.join(OVERLAYS)}"
-            yield Fault(file, dotted(key, "overlays"), why)
+        else:
+            yield from (Fault(file, dotted(key, at), why) for at, why in lab_kind_of(lab).warnings(lab))
 
 
 def unknown_kind(kind: str) -> str:
     """Returns the remark on a lab of an unknown kind."""
-    near = get_close_matches(kind, LAB_KINDS, n=1)
+    near = get_close_matches(kind, lab_kinds(), n=1)
     meant = f" (did you mean {near[0]}?)" if near else ""
-    return f"there is no lab {kind!r}{meant}: learners see a placeholder; the kinds are {', '.join(LAB_KINDS)}"
+    return f"there is no lab {kind!r}{meant}: learners see a placeholder; the kinds are {', '.join(lab_kinds())}"
 
 
 def _prose(raw: Any, key: str) -> Iterator[tuple[str, str]]:
@@ -140,7 +147,11 @@ def _prose(raw: Any, key: str) -> Iterator[tuple[str, str]]:
 
 
 def semantic_faults(
-    parts: Iterable[Question | Lab], models: Mapping[str, str], text_of: TextOf, file: str, passed: PassedChecks
+    parts: Iterable[Question | Lab | UnknownLab],
+    models: Mapping[str, str],
+    text_of: "TextOf",
+    file: str,
+    passed: PassedChecks,
 ) -> Iterator[Fault]:
     """Yield faults of the questions and labs whose models are all in `models`, which compile."""
     for part in parts:
@@ -155,13 +166,13 @@ def semantic_faults(
             yield replace(fault, file=file, why=" ".join(fault.why.split()))
 
 
-def list_inputs(part: Question | Lab, models: Mapping[str, str]) -> list[str]:
+def list_inputs(part: Question | Lab | UnknownLab, models: Mapping[str, str]) -> list[str]:
     """Returns the JSON of a question or lab, and name and text of each model that it names."""
     named = {name for _, name in named_models(part.model_dump(), "")}
     return [part.model_dump_json(), *(text for name in sorted(named) for text in (name, models.get(name, "")))]
 
 
-def _part_faults(part: Question | Lab, models: Mapping[str, str], text_of: TextOf) -> Iterator[Fault]:
+def _part_faults(part: Question | Lab | UnknownLab, models: Mapping[str, str], text_of: "TextOf") -> Iterator[Fault]:
     """Faults of one question or lab."""
 
     def model_xml(name: str) -> str:
@@ -169,39 +180,37 @@ def _part_faults(part: Question | Lab, models: Mapping[str, str], text_of: TextO
             raise NotFound(f"There is no model {name!r}.")
         return models[name]
 
-    if isinstance(part, LabConfig | IntegratorsLab):
-        yield from _lab_faults(part, models, part.id)
+    if isinstance(part, Lab):
+        yield from _lab_faults(part, models, model_xml, part.id)
     elif isinstance(part, Question):
         yield from _question_faults(part, models, model_xml, text_of)
 
 
 def _question_faults(
-    question: Question, models: Mapping[str, str], model_xml: ModelXml, text_of: TextOf
+    question: Question, models: Mapping[str, str], model_xml: ModelXml, text_of: "TextOf"
 ) -> Iterator[Fault]:
     """Faults of one question: those of its kind, its exercise and its lab."""
     kind = kind_of(question)
     for key, why in kind.faults(question):
         yield Fault("", dotted(question.id, key), why)
-    if {name for _, name in named_models(question.model_dump(), "")} <= set(models):
+    if kind.is_script and {name for _, name in named_models(question.model_dump(), "")} <= set(models):
+        from grader.exercises import check_exercise  # not needed to grade another answer
+
         yield from check_exercise(question, model_xml, "", text_of)
     if (lab := kind.lab(question)) is not None:
-        yield from _lab_faults(lab, models, dotted(question.id, "sim"))
+        yield from _lab_faults(lab, models, model_xml, dotted(question.id, "sim"))
     keys = kind.answer_keys(question)
     for answer in keys:
-        yield from list_verify_faults(answer, model_xml, question.id)
+        if answer.verify is not None:
+            from grader.library.verify_texts import list_verify_faults  # it compiles expressions
+
+            yield from list_verify_faults(answer, model_xml, question.id)
     if question.verify is not None and all(key.place for key in keys):
         cure = f"move it to {' or '.join(key.place for key in keys)}" if keys else "remove it"
         yield Fault("", dotted(question.id, "verify"), f"{question.kind} has no key to derive again: {cure}")
 
 
-def _lab_faults(lab: LabConfig | IntegratorsLab, models: Mapping[str, str], key: str) -> Iterator[Fault]:
-    """Faults of one lab, which needs either the name of a model or its own MJCF; their `file` is empty."""
-    xml = lab.xml if isinstance(lab, LabConfig) else None
-    if (not lab.model) == (xml is None):
-        yield Fault("", dotted(key, "model"), "give either model, a name in models/, or xml, the model itself")
-        return
-    if xml is None:
-        xml = models.get(lab.model or "")
-    if xml is None:
-        return
-    yield from check_integrators(lab, xml, key) if isinstance(lab, IntegratorsLab) else check_lab(lab, xml, key)
+def _lab_faults(lab: Lab | LabConfig, models: Mapping[str, str], model_xml: ModelXml, key: str) -> Iterator[Fault]:
+    """Faults of one lab, whose models must compile; their `file` is empty."""
+    if {name for _, name in named_models(lab.model_dump(), "")} <= {*models, ""}:
+        yield from lab_kind_of(lab).check(lab, key, model_xml)

@@ -4,28 +4,33 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from grader.domain.media import Media
 from grader.errors import Fault, NotFound
-from grader.library.lesson_text import LessonText
 from grader.questions import Question, Quiz, kind_of
+
+if TYPE_CHECKING:
+    from grader.library.lesson_text import LessonText
 
 
 @dataclass(frozen=True)
 class Library:
-    """Quizzes by id, texts of lessons by id, models (MJCF text) by name, starters (Python text) by path. `warnings` are
-    remarks for the authors that do not prevent serving. `texts`, by path, are the files that exercises name, such as an
-    author's programs. `sources` are, by quiz, the files that its digest is made of, by path: `load_files` makes the
-    quiz of them again."""
+    """Quizzes by id, texts of lessons by id, pictures and files by path, models (MJCF text) by name, starters (their
+    text) by path. `warnings` are remarks for the authors that do not prevent serving. `texts`, by path, are the files
+    that exercises name, such as an author's programs. `sources` are, by quiz, the files that its digest is made of, by
+    path: `load_files` makes the quiz of them again."""
 
     root: Path
     quizzes: Mapping[str, Quiz]
-    lessons: Mapping[str, LessonText] = field(default_factory=dict)
+    lessons: "Mapping[str, LessonText]" = field(default_factory=dict)
+    media: Mapping[str, Media] = field(default_factory=dict, repr=False)
     files: Mapping[str, str] = field(default_factory=dict)
     models: Mapping[str, str] = field(default_factory=dict)
     starters: Mapping[str, str] = field(default_factory=dict)
     texts: Mapping[str, str] = field(default_factory=dict)
     digests: Mapping[str, str] = field(default_factory=dict)
-    sources: Mapping[str, Mapping[str, str]] = field(default_factory=dict, repr=False)
+    sources: Mapping[str, Mapping[str, str | bytes]] = field(default_factory=dict, repr=False)
     warnings: tuple[Fault, ...] = ()
 
     def quiz(self, quiz_id: str) -> Quiz:
@@ -59,6 +64,10 @@ class Library:
         except KeyError:
             raise NotFound(f"There is no model {name!r}.") from None
 
+    def find_media(self, sha256: str, name: str) -> Media | None:
+        """Returns the picture or file that an address names, if it is of this content."""
+        return next((one for one in self.media.values() if one.sha256 == sha256 and one.name == name), None)
+
     def text(self, path: str) -> str:
         """Returns the text of a file that an exercise names. Raises NotFound."""
         try:
@@ -72,7 +81,8 @@ class Library:
         return None if path is None else self.starters[path]
 
     def digest(self, quiz_id: str) -> str:
-        """Return the sha256 of all that a verdict depends on: the quiz file, all models, its starters and named files.
+        """Return the sha256 of all that a verdict depends on: the quiz file, all models, its starters and named files,
+        and the pictures that it shows.
         Raises NotFound."""
         self.quiz(quiz_id)
         return self.digests[quiz_id]

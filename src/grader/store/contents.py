@@ -4,14 +4,20 @@ import hashlib
 import json
 from collections.abc import Mapping
 from datetime import datetime
+from pathlib import PurePosixPath
 
 from sqlalchemy import LargeBinary, String, Text, delete, select
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
+from grader.domain.media import FOLDERS, Media, find_type
 from grader.store.tables import NAME, Base, now
 
 EVERY = ""
 """In the place of a course: every course without content of its own."""
+
+
+NO_QUIZ = ""
+"""In the place of a quiz: the manifest of all pictures and files of a content folder."""
 
 
 class ContentFile(Base):
@@ -47,11 +53,11 @@ class ContentInUse(Base):
     digest: Mapped[str] = mapped_column(String(80))
 
 
-def keep(session: Session, quiz: str, digest: str, files: Mapping[str, str]) -> None:
+def keep(session: Session, quiz: str, digest: str, files: Mapping[str, str | bytes]) -> None:
     """Keeps the files of a quiz under its digest, unless they are kept. The caller holds a lock."""
     if session.get(ContentManifest, digest) is not None:
         return
-    bodies = {path: text.encode() for path, text in files.items()}
+    bodies = {path: body.encode() if isinstance(body, str) else body for path, body in files.items()}
     hashes = {path: hashlib.sha256(body).hexdigest() for path, body in bodies.items()}
     kept = set(session.scalars(select(ContentFile.sha256).where(ContentFile.sha256.in_(hashes.values()))))
     new = {hashes[path]: body for path, body in bodies.items() if hashes[path] not in kept}
@@ -82,8 +88,8 @@ def in_use(session: Session, course: str, quiz: str) -> str | None:
     return (digests.get(course) or digests.get(EVERY, {})).get(quiz)
 
 
-def files_of(session: Session, digest: str) -> dict[str, str] | None:
-    """The text of every file of some content by path; None if a file is missing or damaged."""
+def files_of(session: Session, digest: str) -> dict[str, str | bytes] | None:
+    """The bytes of every file of some content by path; None if a file is missing or damaged."""
     manifest = session.get(ContentManifest, digest)
     if manifest is None:
         return None
@@ -92,4 +98,16 @@ def files_of(session: Session, digest: str) -> dict[str, str] | None:
     bodies = {row.sha256: row.body for row in rows if hashlib.sha256(row.body).hexdigest() == row.sha256}
     if any(sha256 not in bodies for sha256 in hashes.values()):
         return None
-    return {path: bodies[sha256].decode() for path, sha256 in hashes.items()}
+    return {path: bodies[sha256] for path, sha256 in hashes.items()}
+
+
+def find_media(session: Session, sha256: str, name: str) -> Media | None:
+    """Returns the picture or file with this sha256 and name of any content; None where no content folder has it below
+    images/ or files/: models, programs and quizzes are kept in the same table and never served."""
+    rows = select(ContentManifest.files).where(ContentManifest.files.contains(sha256, autoescape=True))
+    for files in session.scalars(rows):
+        for path, digest in json.loads(files).items():
+            if digest == sha256 and path.startswith(FOLDERS) and PurePosixPath(path).name == name:
+                kept = session.get(ContentFile, sha256)
+                return None if kept is None else Media(path, find_type(path, kept.body), kept.body)
+    return None

@@ -98,6 +98,7 @@ def forget_key(session: Session, submission_id: str) -> None:
 
 
 RESULT = Result.__table__.columns
+RESULT_NAMES = tuple(RESULT.keys())
 RESULT_AT = slice(8, 8 + len(RESULT))
 SOURCE = slice(RESULT_AT.stop, RESULT_AT.stop + len(SourceAttempt._fields))
 GRANTED = slice(SOURCE.stop, SOURCE.stop + 3)
@@ -111,7 +112,7 @@ def _make_state(row: Any) -> QuestionState:
     return QuestionState(
         Progress() if made is None else Progress(made, pending, bool(correct)),
         newest or "",
-        None if result[0] is None else dict(zip(RESULT.keys(), result, strict=True)),
+        None if result[0] is None else dict(zip(RESULT_NAMES, result, strict=True)),
         None if source[0] is None else SourceAttempt(*source),
         None if granted[2] is None else Extension(due=granted[0], until=granted[1], attempts=granted[2]),
         row[2],

@@ -63,12 +63,6 @@ def learners(session: Session, course: str, limit: int | None = None) -> Sequenc
     return session.scalars(select(Member).where(*here).order_by(Folded(Member.name), Member.id).limit(limit)).all()
 
 
-def has_learners(session: Session, course: str) -> bool:
-    """Whether a course has a learner."""
-    here = (Member.course == course, Member.role == "student", Member.removed_at.is_(None))
-    return session.scalar(select(exists().where(*here))) or False
-
-
 def with_home(session: Session, home: str) -> Sequence[Member]:
     """The members of other courses who are the same person as the member with this id, by course; removed ones are left
     out."""

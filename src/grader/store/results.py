@@ -22,7 +22,7 @@ from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import Session
 from sqlalchemy.sql.functions import FunctionElement
 
-from grader.store.engine.bulk import insert_rows
+from grader.store.engine.bulk import TableRows, insert_rows
 from grader.store.engine.names import Folded, holds
 from grader.store.reviews import unseen_places
 from grader.store.submissions import NEWEST
@@ -111,8 +111,17 @@ def change(before: Columns | None, key: LearnerAt, values: Mapping[str, Any]) ->
 
 def save(session: Session, changed: Sequence[Columns], revised: Sequence[Columns], clock: datetime) -> None:
     """Writes results, and a row of the feed for each new revision. The caller holds the learners' locks."""
-    feed = [{name: one[name] for name in OF_FEED} | {"created_at": clock} for one in revised]
-    insert_rows(session, (Result, changed), (ResultRevision, feed), replace=Result)
+    insert_rows(session, *rows_of(changed, revised, clock), replace=Result)
+
+
+def rows_of(changed: Sequence[Columns], revised: Sequence[Columns], clock: datetime) -> list[TableRows]:
+    """The rows of results, which replace those before, and a row of the feed for each new revision."""
+    return [(Result, changed), (ResultRevision, [read_feed_columns(one) | {"created_at": clock} for one in revised])]
+
+
+def read_feed_columns(result: Columns) -> Columns:
+    """The columns of a result that a row of the feed has."""
+    return {name: result[name] for name in OF_FEED}
 
 
 def of_learner(session: Session, course: str, learner: str, quiz: str) -> dict[str, Result]:
@@ -240,6 +249,13 @@ def of_quiz(session: Session, course: str, quiz: str) -> Sequence[Any]:
     the driver's own rows: SQLAlchemy would take as long again to wrap tens of thousands."""
     with session.connection().execute(STATISTICS, {"course": course, "quiz": quiz}) as cursor_result:
         return cursor_result.cursor.fetchall()
+
+
+def count_taking_part(session: Session, course: str, quizzes: Sequence[str]) -> int:
+    """The number of learners who have a result in one of the quizzes; removed ones do not count."""
+    handed_in = select(1).where(Result.course == course, Result.learner == Member.id, _among(quizzes)).exists()
+    learners = (Member.course == course, Member.role == "student", Member.removed_at.is_(None))
+    return session.scalar(select(func.count()).select_from(Member).where(*learners, handed_in)) or 0
 
 
 State = tuple[int, int]

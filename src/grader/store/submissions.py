@@ -7,16 +7,17 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, String, bindparam, case, func, insert, select, tuple_
+from sqlalchemy import ColumnElement, SQLColumnExpression, String, bindparam, case, func, insert, select, tuple_
 from sqlalchemy.orm import Session
 
 from grader.domain.policy import Progress
+from grader.domain.progress import TrialProgress
 from grader.domain.verdict import Status, Verdict
 from grader.metrics import VERDICTS
-from grader.store.engine.bulk import UtcDateTime, insert_rows, values_of
+from grader.store.engine.bulk import TableRows, UtcDateTime, insert_rows
 from grader.store.engine.ids import first_id
 from grader.store.engine.signals import announce
-from grader.store.tables import Event, Member, Review, Submission, VerdictRow, now
+from grader.store.tables import Base, Event, Member, Review, Submission, VerdictRow, now
 
 QUEUED, RUNNING, GRADED, NEEDS_REVIEW = "queued", "running", "graded", "needs_review"
 AT_REST = (GRADED, NEEDS_REVIEW)
@@ -30,8 +31,9 @@ NEW = {"status": QUEUED, "uses_attempt": True, "outcome": None, "revision": 0}
 NEWEST = (VerdictRow.submission_id == Submission.id) & (VerdictRow.revision == Submission.revision)
 """Joins a submission with its newest verdict."""
 
-AT_CASE = re.compile(r"case (\d+) of (\d+)")
-"""The name of an event that tells how far a running script is."""
+AT_CASE = re.compile(r"case (\d+) of (\d+)|(\d+)/(\d+) (ep|s) (\d+)/(\d+)")
+"""The name of an event that tells how far a running script is: at a case, or also at an episode or a second of it. A
+name has at most 20 characters."""
 
 EVENTS = "events"
 """The channel on which new events are announced, by submission."""
@@ -83,18 +85,26 @@ def make(**columns: Any) -> Submission:
 
 
 def add(session: Session, new: Sequence[tuple[Submission, Verdict | None]], clock: datetime | None = None) -> None:
-    """Inserts new submissions: as graded with its verdict, or as queued without one; one statement for each table. The
-    objects get their state, and are not followed by the session."""
-    clock = clock or now()
+    """Inserts new submissions: as graded with its verdict, or as queued without one. The objects get their state, and
+    are not followed by the session."""
+    insert_rows(session, *settle(new, clock or now()))
+
+
+def settle(new: Sequence[tuple[Submission, Verdict | None]], clock: datetime) -> list[TableRows]:
+    """Gives new submissions their state. Returns the rows to be inserted of them, their verdicts and their events."""
     for submission, verdict in new:
         vars(submission).update(version=1, created_at=clock, **NEW if verdict is None else _settled(verdict, 1))
     graded = [(submission, verdict) for submission, verdict in new if verdict is not None]
-    insert_rows(
-        session,
+    return [
         (Submission, [values_of(submission) for submission, _ in new]),
         (VerdictRow, [_verdict_values(*one, "grading") | {"created_at": clock} for one in graded]),
         (Event, [{"submission_id": one.id, "number": 1, "name": one.status, "created_at": clock} for one, _ in new]),
-    )
+    ]
+
+
+def values_of(row: Base) -> dict[str, Any]:
+    """The columns that are set on a row."""
+    return {name: value for name, value in vars(row).items() if not name.startswith("_")}
 
 
 def append_verdict(
@@ -129,17 +139,39 @@ def put_back(session: Session, submission_id: str) -> Submission:
     return _change_status(session, submission_id, QUEUED)
 
 
-def tell_case(session: Session, submission_id: str, case: int, cases: int) -> None:
-    """Adds an event that tells which case a running script is at; nothing if it does not run any more."""
+def tell_case(session: Session, submission_id: str, case: int, cases: int, within: TrialProgress | None = None) -> None:
+    """Adds an event that tells which case a running script is at, and how far in it; nothing if it does not run any
+    more."""
     submission = session.get(Submission, submission_id, with_for_update=True)
     if submission is not None and submission.status == RUNNING:
-        _add_event(session, submission_id, f"case {case} of {cases}")
+        unit = "ep" if within is not None and within.unit == "episode" else "s"
+        at = f"case {case} of {cases}" if within is None else f"{case}/{cases} {unit} {within.at}/{within.of}"
+        _add_event(session, submission_id, at)
 
 
-def case_of(event: Event | None) -> tuple[int, int] | None:
-    """The case that an event tells of, and the number of cases; None for other events."""
+@dataclass(frozen=True)
+class CaseProgress:
+    """How far a running script is: at a case of so many, and within it."""
+
+    case: int
+    cases: int
+    within: TrialProgress | None = None
+
+    @property
+    def words(self) -> str:
+        """As it is shown: `case 2 of 7, episode 3 of 20`."""
+        return f"case {self.case} of {self.cases}" + (f", {self.within.words}" if self.within else "")
+
+
+def case_of(event: Event | None) -> CaseProgress | None:
+    """How far the script is that an event tells of; None for other events."""
     found = None if event is None else AT_CASE.fullmatch(event.name)
-    return None if found is None else (int(found[1]), int(found[2]))
+    if found is None:
+        return None
+    if found[1]:
+        return CaseProgress(int(found[1]), int(found[2]))
+    within = TrialProgress(int(found[6]), int(found[7]), "episode" if found[5] == "ep" else "s")
+    return CaseProgress(int(found[3]), int(found[4]), within)
 
 
 def page(session: Session, wanted: SubmissionFilter, before: str | None, limit: int) -> Sequence[Submission]:
@@ -148,6 +180,12 @@ def page(session: Session, wanted: SubmissionFilter, before: str | None, limit: 
     if before is not None:
         newest_first = newest_first.where(Submission.id < before)
     return session.scalars(newest_first).all()
+
+
+def find_newest_quiz(session: Session, course: str) -> str | None:
+    """The quiz of the newest submission of a course; None before the first."""
+    here = select(Submission.quiz).where(Submission.course == course)
+    return session.scalar(here.order_by(Submission.id.desc()).limit(1))
 
 
 def newest(session: Session, course: str, learner: str) -> Sequence[Submission]:
@@ -192,11 +230,7 @@ def unsolved(
     """The graded attempts since a moment at questions where a member has made that many and none was right, in order.
     Among the `newest` submissions of the course, and of at most `limit` learners at a question, who tried last. Leaves
     out what a person marks, and who was removed."""
-    here = select(Submission.id).where(Submission.course == course).order_by(Submission.id.desc())
-    oldest = max(first_id(since), session.scalar(here.offset(newest - 1).limit(1)) or "")
-    is_marked = select(Review.submission_id).where(Review.submission_id == Submission.id).exists()
-    recent = (Submission.course == course, Submission.id >= oldest, Submission.uses_attempt)
-    graded = (*recent, Submission.status == GRADED, ~is_marked)
+    graded = _graded_since(session, course, since, newest)
     right = func.max(case((Submission.outcome == Status.CORRECT.value, 1), else_=0))
     at = (Submission.learner, Submission.quiz, Submission.question)
     places = select(*at).where(*graded).group_by(*at).having(func.count() >= attempts, right == 0)
@@ -209,6 +243,42 @@ def unsolved(
         .order_by(*at, Submission.id)
     )
     return [Try(*row) for row in session.execute(rows)]
+
+
+def newest_wrong(
+    session: Session, course: str, since: datetime, *, newest: int, limit: int
+) -> list[tuple[str, str, str, str]]:
+    """Learner, quiz, question and submission of at most `limit` attempts that are a learner's newest at a question, the
+    newest first. Otherwise as `unsolved`: since a moment, none right, and no instructor's."""
+    graded = _graded_since(session, course, since, newest)
+    right = func.max(case((Submission.outcome == Status.CORRECT.value, 1), else_=0))
+    at = (Submission.learner, Submission.quiz, Submission.question)
+    last = func.max(Submission.id)
+    is_learner = (Member.id == Submission.learner) & (Member.role == "student") & Member.removed_at.is_(None)
+    places = select(*at, last).join(Member, is_learner).where(*graded).group_by(*at).having(right == 0)
+    return [(row[0], row[1], row[2], row[3]) for row in session.execute(places.order_by(last.desc()).limit(limit))]
+
+
+def _graded_since(session: Session, course: str, since: datetime, newest: int) -> Sequence[SQLColumnExpression[bool]]:
+    """The conditions of attempts that have a verdict of the grader's own, among the newest of a course."""
+    is_marked = select(Review.submission_id).where(Review.submission_id == Submission.id).exists()
+    oldest = _oldest(session, course, since, newest)
+    recent = (Submission.course == course, Submission.id >= oldest, Submission.uses_attempt)
+    return (*recent, Submission.status == GRADED, ~is_marked)
+
+
+def _oldest(session: Session, course: str, since: datetime, newest: int) -> str:
+    """The least id among the `newest` submissions of a course and since a moment."""
+    here = select(Submission.id).where(Submission.course == course).order_by(Submission.id.desc())
+    return max(first_id(since), session.scalar(here.offset(newest - 1).limit(1)) or "")
+
+
+def count_outcomes(session: Session, course: str, since: datetime, newest: int) -> dict[str, int]:
+    """How many of the submissions of a course since a moment have which status of a verdict; of the `newest` ones."""
+    recent = (Submission.course == course, Submission.id >= _oldest(session, course, since, newest))
+    graded = (*recent, Submission.outcome.is_not(None))
+    counts = select(Submission.outcome, func.count()).where(*graded).group_by(Submission.outcome)
+    return {str(row[0]): row[1] for row in session.execute(counts)}
 
 
 def graded_at(
@@ -281,8 +351,8 @@ def last_event(session: Session, submission_id: str) -> int:
     return session.scalar(select(func.max(Event.number)).where(Event.submission_id == submission_id)) or 0
 
 
-def case_now(session: Session, submission_id: str) -> tuple[int, int] | None:
-    """The case that a running script is at, and the number of cases, as far as its newest event tells."""
+def case_now(session: Session, submission_id: str) -> CaseProgress | None:
+    """The case that a running script is at, as far as its newest event tells."""
     newest = select(Event).where(Event.submission_id == submission_id).order_by(Event.number.desc()).limit(1)
     return case_of(session.scalar(newest))
 

@@ -137,9 +137,10 @@ def event_name(event: Event, shown: dict[str, Any]) -> str:
 
 def event_data(event: Event, shown: dict[str, Any]) -> dict[str, Any]:
     """The data of an event: the submission with its verdict once it is graded, before that its id and status. Of a
-    script that takes long, also the number of the case that it is at, and of all cases."""
+    script that takes long, also the number of the case that it is at, and of all cases; of a long case, `within`."""
     if event.name in submissions.AT_REST:
         return shown
     if at := submissions.case_of(event):
-        return {"id": event.submission_id, "status": submissions.RUNNING, "case": at[0], "cases": at[1]}
+        where = {"case": at.case, "cases": at.cases, **({"within": at.within.words} if at.within else {})}
+        return {"id": event.submission_id, "status": submissions.RUNNING, **where}
     return {"id": event.submission_id, "status": event.name}

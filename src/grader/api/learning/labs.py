@@ -16,13 +16,13 @@ from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictFloat, Stri
 from grader.api.bodies import RequestBody
 from grader.courses.answering.access import read_access
 from grader.courses.people.identity import Identity
-from grader.domain.lab import IntegratorsLab, LabConfig, UnknownLab
+from grader.domain.lab import Lab, LabConfig, UnknownLab
 from grader.errors import Conflict, LabError, NotFound, Unprocessable
 from grader.gate.callers import Learner, api_router
 from grader.gate.lab_runs import Recording
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
-from grader.labs import IntegratorsRun, LabRun, run_integrators, watch_lab
+from grader.labs import PULLS_MAX, LabRequest, Pull, lab_kind_of
 from grader.library import Library
 from grader.questions import kind_of
 
@@ -36,6 +36,27 @@ GZIP_LEVEL = 5
 Setting = StrictBool | StrictInt | StrictFloat | StrictStr
 
 
+Coordinates = tuple[float, float, float]
+
+
+class PullBody(BaseModel):
+    """A body is pulled: a spring from a point of the drawn geom number `geom`, in the geom's own frame, to a goal in
+    the world [m], from `begin` until `end` [s]."""
+
+    model_config = ConfigDict(
+        extra="forbid", allow_inf_nan=False,
+        json_schema_extra={"examples": [
+            {"geom": 2, "point": [0, 0, 0], "goal": [0.5, 0, 1], "begin": 0.1, "end": 0.4},
+        ]},
+    )  # fmt: skip
+
+    geom: int = Field(ge=0, strict=True)
+    point: Coordinates
+    goal: Coordinates
+    begin: float
+    end: float
+
+
 class LabBody(RequestBody):
     """Which lab, with the values of its controls, and the length of the run [s]. `events` are presses of buttons: time
     [s] and label."""
@@ -45,6 +66,7 @@ class LabBody(RequestBody):
     lab: str | None = Field(default=None, max_length=64)
     controls: dict[str, Setting] = Field(default_factory=dict, max_length=100)
     events: list[tuple[StrictInt | StrictFloat, StrictStr]] = Field(default_factory=list, max_length=1000)
+    pulls: list[PullBody] = Field(default_factory=list, max_length=PULLS_MAX)
     seconds: float | None = None
 
     @model_validator(mode="after")
@@ -52,17 +74,6 @@ class LabBody(RequestBody):
         if (self.question is None) == (self.lab is None):
             raise ValueError("give either a question or a lab")
         return self
-
-
-class IntegratorsSettings(BaseModel):
-    """The controls of a lab that compares integrators."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
-
-    model: str | None = None
-    key: str | None = None
-    timestep: float | None = None
-    seconds: float | None = None
 
 
 @router.post("/labs:run", responses=refusals(401, 403, 404, 409, 413, 422, 429, more={200: {"model": dict[str, Any]}}))
@@ -85,17 +96,18 @@ async def respond(packed: bytes, accept_encoding: str) -> Response:
 
 def prepare(services: Services, who: Identity, body: LabBody) -> tuple[str, Callable[[], Recording]]:
     """The digest of a run, and the call that makes it. Raises NotFound, Conflict."""
-    library = services.content.of(who.course).library
+    library = services.library_for(who)
     services.require_opened(library, who, body.quiz)
     lab = find_lab(library, body)
     if body.question is not None:
         refuse_before_answer(services, who, body.quiz, body.question)
-    settings = json.dumps([library.digest(body.quiz), body.model_dump()], sort_keys=True)
+    posed = lab.model_dump_json() if library is not services.content.of(who.course).library else ""
+    settings = json.dumps([library.digest(body.quiz), posed, body.model_dump()], sort_keys=True)
     digest = hashlib.sha256(settings.encode(errors="surrogatepass")).hexdigest()
     return digest, partial(record, library, lab, body)
 
 
-def find_lab(library: Library, body: LabBody) -> LabConfig | IntegratorsLab:
+def find_lab(library: Library, body: LabBody) -> Lab | LabConfig:
     """The lab that the body names. Raises NotFound, Unprocessable for a lab of an unknown kind."""
     if body.question is not None:
         question = library.question(body.quiz, body.question)
@@ -118,44 +130,13 @@ def refuse_before_answer(services: Services, who: Identity, quiz: str, question:
         raise Conflict(why_not)
 
 
-def record(library: Library, lab: LabConfig | IntegratorsLab, body: LabBody) -> Recording:
-    """Runs the lab. Raises Unprocessable for settings that the lab cannot run with."""
+def record(library: Library, lab: Lab | LabConfig, body: LabBody) -> Recording:
+    """Runs the lab. Raises LabRefused, and Unprocessable, for settings that the lab cannot run with."""
+    pulls = [Pull(**one.model_dump()) for one in body.pulls]
+    asked = LabRequest(body.controls, body.events, pulls, body.seconds)
     try:
-        recorded = compare(library, lab, body) if isinstance(lab, IntegratorsLab) else simulate(library, lab, body)
+        answer = lab_kind_of(lab).answer(lab, asked, library.model_xml)
     except LabError as error:
         log.warning("a lab failed", quiz=body.quiz, why=str(error))
         raise Unprocessable("The lab cannot be run with these settings.") from error
-    plain = json.dumps(recorded.to_json(), allow_nan=False, separators=(",", ":")).encode()
-    return Recording(gzip.compress(plain, GZIP_LEVEL, mtime=0), steps_of(recorded))
-
-
-def steps_of(recorded: LabRun | IntegratorsRun) -> int:
-    """The steps that were simulated, under every integrator."""
-    return sum(one.steps for one in recorded.runs) if isinstance(recorded, IntegratorsRun) else recorded.steps
-
-
-def simulate(library: Library, lab: LabConfig, body: LabBody) -> LabRun:
-    """Runs one scene with its controls."""
-    xml = lab.xml if lab.xml is not None else library.model_xml(lab.model or "")
-    return watch_lab(lab, xml, body.controls, body.events, body.seconds)
-
-
-def compare(library: Library, lab: IntegratorsLab, body: LabBody) -> IntegratorsRun:
-    """Runs one scene under every integrator."""
-    try:
-        settings = IntegratorsSettings.model_validate(body.controls)
-    except ValueError as error:
-        raise Unprocessable(
-            "This lab takes `model`, `key` (a keyframe's name), `timestep` [s] and `seconds`."
-        ) from error
-    if body.events:
-        raise Unprocessable("This lab has no buttons.")
-    model = settings.model or lab.model
-    if model not in lab.offered:
-        raise Unprocessable(f"model must be one of: {', '.join(lab.offered)}.")
-    seconds = settings.seconds if settings.seconds is not None else body.seconds
-    xml = library.model_xml(model)
-    try:
-        return run_integrators(lab, xml, model=model, key=settings.key, timestep=settings.timestep, seconds=seconds)
-    except KeyError as error:
-        raise Unprocessable(str(error.args[0])) from error
+    return Recording(gzip.compress(answer.body, GZIP_LEVEL, mtime=0), answer.steps)

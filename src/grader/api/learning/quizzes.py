@@ -50,7 +50,7 @@ def summary(quiz: Quiz, policy: Policy) -> dict[str, Any]:
 
 def progress(quiz_id: str, who: Identity, services: Services) -> dict[str, Any]:
     """The student's view of a quiz. It holds the lab of a predict question once the learner may run it."""
-    library = services.content.of(who.course).library
+    library = services.library_for(who)
     quiz = library.quiz(quiz_id)
     with services.database.read() as session:
         access = read_access(session, library, who)

@@ -81,5 +81,6 @@ async def take_answer(services: Services, who: Identity, text: bytes, key: str |
     """Hands in an answer, as the route `create_submission` does. Raises CallerError, and ValidationError for another
     body."""
     who.require(*AnswerRoute.roles)
-    answer = read_answer(services, who, AnswerFields.model_validate_json(text), key)
+    body = AnswerFields.model_validate_json(text)
+    answer = read_answer(services, who, body, key, is_short=True)
     return created(SUBMISSIONS, await services.writer.put(answer))

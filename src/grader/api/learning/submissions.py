@@ -26,7 +26,7 @@ from grader.courses.reviewing.blinding import Blinded, blinded
 from grader.courses.rules.policy import Decision, Shown, redact_json
 from grader.courses.rules.progress import Compared, describe_progress
 from grader.domain.verdict import Status, Verdict
-from grader.errors import CallerError, InvalidAnswer, NotFound
+from grader.errors import CallerError, Conflict, InvalidAnswer, NotFound
 from grader.gate.admission import PREFIX, SUBMISSIONS, authenticate_again, identity_in
 from grader.gate.callers import Learner, api_router
 from grader.gate.problems import refusals
@@ -49,8 +49,9 @@ class AnswerFields(BaseModel):
 
 
 class AnswerBody(AnswerFields, RequestBody):
-    """An answer to one question, by its kind: an option index, a number or text, or `{"source": "..."}`; of several
-    parts a list of indices or ids, or an object with a text, a number or an id for each."""
+    """An answer to one question, by its kind: an option index, a number or text, `{"source": "..."}`, or in base64
+    `{"file": "..."}`; of several parts a list of indices or ids, or an object with a text, a number or an id for each.
+    """
 
 
 KEY_MAX = 255
@@ -136,10 +137,17 @@ async def create_submission(request: Request, body: AnswerBody, idempotency_key:
     return created(SUBMISSIONS, await services.writer.put(answer))
 
 
-def read_answer(services: Services, who: Identity, body: AnswerFields, key: str | None) -> NewAnswer:
-    """Reads an answer, and grades it where that is instant. Raises NotFound, TooLarge, Unprocessable."""
+def read_answer(
+    services: Services, who: Identity, body: AnswerFields, key: str | None, *, is_short: bool = False
+) -> NewAnswer:
+    """Reads an answer, and grades it where that is instant. Raises NotFound, TooLarge, Unprocessable; and Conflict for
+    one that `is_short` and yet may take simulations."""
     pipeline = services.content.of(who.course).pipeline
-    parsed, verdict = pipeline.read_and_grade(body.quiz, body.question, body.answer)
+    is_drawn = (body.quiz, body.question) in pipeline.drawn
+    if is_drawn and is_short:
+        raise Conflict("The key of this question is simulated: its answers take the long way.")
+    learner = who.drawn_for if is_drawn else ""
+    parsed, verdict = pipeline.read_and_grade(body.quiz, body.question, body.answer, learner)
     return NewAnswer(who, pipeline.library, parsed, verdict, key, services.settings.queue_per_user)
 
 
@@ -222,7 +230,7 @@ def validate_answer(body: AnswerBody, who: Learner, services: AppServices) -> In
     pipeline = services.content.of(who.course).pipeline
     services.require_opened(pipeline.library, who, body.quiz)
     try:
-        read_as = pipeline.describe(pipeline.read(body.quiz, body.question, body.answer))
+        read_as = pipeline.describe(pipeline.read(body.quiz, body.question, body.answer, learner=who.drawn_for))
     except InvalidAnswer as error:
         return Interpretation(valid=False, read_as=None, message=str(error))
     return Interpretation(valid=True, read_as=read_as, message=None)

@@ -10,7 +10,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from grader.courses.answering.results import NewSubmission, count_new
+from grader.courses.answering.results import NewSubmission, store_new
 from grader.courses.people.identity import FAILED, Identity
 from grader.courses.rules.policy import Decision, decide, policy_in_force
 from grader.domain.policy import Progress
@@ -20,7 +20,6 @@ from grader.grading.pipeline import ParsedSubmission
 from grader.library import Library
 from grader.queue import jobs
 from grader.store import intake, submissions
-from grader.store.engine.bulk import insert_rows
 from grader.store.engine.database import Database
 from grader.store.engine.ids import RANDOM_DIGITS, new_id
 from grader.store.intake import AnswerKeys, QuestionState, StoredOfAnswer
@@ -117,11 +116,9 @@ class AnswerBatch:
         session, accepted = self._session, self._accepted
         if not accepted:
             return 0
-        submissions.add(session, [(receipt.submission, receipt.verdict) for _, receipt in accepted], self.clock)
-        if self._receipts:
-            insert_rows(session, (IdempotencyKey, [make_key_row(*one) for one in self._receipts.values()]))
         new = [NewSubmission(one.library, receipt.submission, receipt.verdict, one.place) for one, receipt in accepted]
-        count_new(session, new, self._states, self.clock)
+        keys = [make_key_row(*one) for one in self._receipts.values()]
+        store_new(session, new, self._states, self.clock, (IdempotencyKey, keys))
         for answer, receipt in accepted:
             if receipt.verdict is None:
                 jobs.put(session, jobs.GRADE, receipt.submission.id, share=answer.who.id)

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
@@ -16,11 +16,12 @@ from grader.domain.policy import Extension, Policy
 from grader.domain.verdict import Status, Verdict
 from grader.library import Library
 from grader.store import extensions, policies, results, submissions
+from grader.store.engine.bulk import TableRows, insert_rows
 from grader.store.engine.database import Database
 from grader.store.intake import QuestionState, SourceAttempt
 from grader.store.outbox import SCORES
 from grader.store.results import COUNTED, Columns, LearnerAt
-from grader.store.tables import Member, Submission, now
+from grader.store.tables import Member, Result, Submission, now
 
 
 def append_verdict(
@@ -49,32 +50,50 @@ class NewSubmission:
     """The result that it counts for."""
 
 
-def count_new(
-    session: Session, new: Sequence[NewSubmission], states: Mapping[LearnerAt, QuestionState], clock: datetime
-) -> None:
-    """Counts new submissions in the order of handing in; `states` are those before, and are brought up to date. The
-    caller holds the learners' locks. Unless the policy takes the average, what counted before and a new attempt decide
-    together what counts now: the time does not grow with the number of attempts."""
-    changed, revised, averages = dict[LearnerAt, Columns](), list[Columns](), dict[LearnerAt, Library]()
+@dataclass
+class NewResults:
+    """What new submissions come to: results that have `changed`, those of them with a new revision, and the places
+    whose policy takes the average of all attempts."""
+
+    changed: dict[LearnerAt, Columns] = field(default_factory=dict)
+    revised: list[Columns] = field(default_factory=list)
+    averages: dict[LearnerAt, Library] = field(default_factory=dict)
+
+
+def store_new(
+    session: Session, new: Sequence[NewSubmission], states: Mapping[LearnerAt, QuestionState], clock: datetime,
+    *more: TableRows,
+) -> None:  # fmt: skip
+    """Stores new submissions, what counts after them, and `more` rows that refer to them. `states` are those before,
+    and are brought up to date. The caller holds the learners' locks."""
+    rows = submissions.settle([(one.submission, one.verdict) for one in new], clock)
+    counts = count_new(new, states)
+    changed = results.rows_of(list(counts.changed.values()), counts.revised, clock)
+    insert_rows(session, *rows, *more, *changed, replace=Result)
+    places = {LearnerAt(*(after[name] for name in LearnerAt._fields)) for after in counts.revised}
+    if delivered := {place for place in places if states[place].has_destinations}:
+        outbox.note(session, delivered)
+    for place, library in counts.averages.items():
+        recount(session, library, place)
+
+
+def count_new(new: Sequence[NewSubmission], states: Mapping[LearnerAt, QuestionState]) -> NewResults:
+    """Counts new submissions in the order of handing in. Unless the policy takes the average, what counted before and a
+    new attempt decide together what counts now: the time does not grow with the number of attempts."""
+    counts = NewResults()
     for one in new:
         state, before = states[one.place], states[one.place].result
         if before is not None and find_policy(one.library, one.place.quiz, state.changes).counts == "average":
-            averages[one.place] = one.library
+            counts.averages[one.place] = one.library
         elif (values := count_one_more(one, state)) is not None:
             state.result = after = results.change(before, one.place, values)
             if after is not before:
-                changed[one.place] = after
+                counts.changed[one.place] = after
             if before is None or after["revision"] != before["revision"]:
-                revised.append(after)
+                counts.revised.append(after)
             if values["submission_id"] == one.submission.id:
                 state.source = make_source(one.submission, one.verdict)
-    if changed:
-        results.save(session, list(changed.values()), revised, clock)
-    places = {LearnerAt(*(after[name] for name in LearnerAt._fields)) for after in revised}
-    if delivered := {place for place in places if states[place].has_destinations}:
-        outbox.note(session, delivered)
-    for place, library in averages.items():
-        recount(session, library, place)
+    return counts
 
 
 def count_one_more(new: NewSubmission, state: QuestionState) -> dict[str, Any] | None:

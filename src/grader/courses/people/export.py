@@ -29,7 +29,8 @@ def export_learner(
     for submission in held["submissions"]:
         answer = submission["answer"]
         if isinstance(answer, dict) and isinstance(answer.get("source"), str):
-            submission["script"] = path = f"scripts/{submission['id']}.py"
+            suffix = ".xml" if answer["source"].lstrip().startswith("<") else ".py"
+            submission["script"] = path = f"scripts/{submission['id']}{suffix}"
             files[path] = submission["answer"].pop("source")
     record(session, None, member.course, Action.MEMBER_EXPORTED, member.name, member=member.id)
     return {DOCUMENT: format_document(held), **files}

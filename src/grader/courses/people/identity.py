@@ -87,6 +87,11 @@ class Identity:
         """Whether the user is an instructor, who may see everything of the course."""
         return self.role is Role.INSTRUCTOR
 
+    @property
+    def drawn_for(self) -> str:
+        """Whose numbers a question with drawn numbers has: those of the learner; empty for anybody else."""
+        return f"{self.course}/{self.id}" if self.role is Role.STUDENT else ""
+
     def require(self, *roles: Role) -> None:
         """Raises Forbidden unless the user has one of `roles`."""
         if self.role not in roles:

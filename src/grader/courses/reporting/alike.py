@@ -14,7 +14,7 @@ from grader.courses.rules.similarity import Alike, Fingerprints, find_alike, has
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.library import Library
 from grader.library.files import list_files, read_text
-from grader.questions import Question, kind_of
+from grader.questions import Question, question_view
 from grader.store import submissions
 
 SCRIPTS_MAX = 1000
@@ -54,8 +54,10 @@ def compare_scripts(
 
 
 def list_exercises(library: Library) -> list[tuple[str, Question]]:
-    """Returns the exercises of the content, with their quizzes."""
-    return [(quiz.id, one) for quiz in library.quizzes.values() for one in quiz.questions if kind_of(one).is_script]
+    """Returns the exercises of the content that take scripts, with their quizzes: two right models are alike, and files
+    have no lines."""
+    quizzes = library.quizzes.values()
+    return [(quiz.id, one) for quiz in quizzes for one in quiz.questions if question_view(one).get("takes") == "python"]
 
 
 def list_given(library: Library, quiz: str, question: Question) -> Iterator[str]:

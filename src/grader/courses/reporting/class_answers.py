@@ -1,4 +1,4 @@
-"""What a whole class answered at one question: every attempt with its claims and its mistake, read once for a page."""
+"""What a whole class answered at one question: where every attempt lies, and its mistake, read once for a page."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -12,17 +12,11 @@ from grader.courses.people.identity import Identity
 from grader.courses.people.namesakes import marked, marks_in
 from grader.courses.reviewing.blinding import blinded
 from grader.courses.reviewing.desk import Desk
-from grader.courses.rules.claims import (
-    Claim,
-    ClaimAxis,
-    list_bracket_axes,
-    list_number_axes,
-    merge_axes,
-    read_claims,
-)
 from grader.courses.rules.mistakes import Family, Mistake, group_mistakes, name_mistake
+from grader.courses.rules.positions import choose_placing, merge_axes, read_positions
+from grader.domain.axes import ClassAxis, Position
 from grader.domain.verdict import Status
-from grader.questions import Question
+from grader.questions import Question, kind_of
 from grader.store import results, submissions
 from grader.store.engine.database import Database
 from grader.store.submissions import SubmissionFilter
@@ -30,6 +24,9 @@ from grader.store.tables import Submission
 
 ATTEMPTS_MAX = 3000
 """Attempts that are read, the newest ones: those of a class of 500 at an exercise."""
+
+OPTION = "option-"
+"""What begins the key of a mistake that is a choice of options."""
 
 KEPT = 64
 """Questions whose answers are held; those of a class of 30 take some hundred kilobytes."""
@@ -47,15 +44,15 @@ class ClassAttempt:
     is_right: bool
     mistake: Mistake | None
     line: int | None
-    claims: Mapping[str, Claim]
+    positions: Mapping[str, Position]
     options: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
 class ClassAnswers:
-    """The attempts at a question by learner, each learner's in the order of time; `axes` have the claims."""
+    """The attempts at a question by learner, each learner's in the order of time, and their `axes`."""
 
-    axes: tuple[ClaimAxis, ...]
+    axes: tuple[ClassAxis, ...]
     by_learner: Mapping[str, Sequence[ClassAttempt]]
 
     @property
@@ -118,7 +115,7 @@ class ClassReader:
         seen = blinded(desk, session, who, [row for row, _ in rows], verdicts)
         marks = marks_in(session, who.course)
         named = {row.id: seen.names.get(row.id) or marked(row.user, row.learner, marks) for row, _ in rows}
-        answers = build_answers([(row, seen.verdicts[row.id]) for row, _ in rows], question)
+        answers = name_choices(build_answers([(row, seen.verdicts[row.id]) for row, _ in rows], question), question)
         by_learner = {
             learner: [replace(one, name=named[one.id]) for one in theirs]
             for learner, theirs in answers.by_learner.items()
@@ -129,19 +126,38 @@ class ClassReader:
         with self._database.read() as session:
             wanted = SubmissionFilter(version.course, quiz=version.quiz, question=version.question_id)
             rows = submissions.graded_at(session, wanted, version.without, ATTEMPTS_MAX)
-            return build_answers([(row, json.loads(body)) for row, body in rows], version.question)
+            answers = build_answers([(row, json.loads(body)) for row, body in rows], version.question)
+            return name_choices(answers, version.question)
+
+
+def name_choices(answers: ClassAnswers, question: Question) -> ClassAnswers:
+    """Names wrong attempts that have no diagnosis by the options that were chosen, where the question has options."""
+    texts = [option.text for option in kind_of(question).options(question)]
+    if not texts:
+        return answers
+
+    def name(one: ClassAttempt) -> ClassAttempt:
+        if one.mistake is None or one.mistake.sentence or not one.options or max(one.options) >= len(texts):
+            return one
+        chosen = sorted(one.options)
+        key = OPTION + "-".join(map(str, chosen))
+        return replace(one, mistake=Mistake(key, "Chose: " + "; ".join(texts[place] for place in chosen), ""))
+
+    return replace(answers, by_learner={who: [*map(name, theirs)] for who, theirs in answers.by_learner.items()})
 
 
 def build_answers(rows: Sequence[tuple[Submission, Mapping[str, object]]], question: Question) -> ClassAnswers:
     """Returns the answers of these submissions, whose verdicts are plain JSON. Names are left out."""
-    axes = tuple(list_number_axes(question) or merge_axes(list_bracket_axes(verdict) for _, verdict in rows))
+    place = choose_placing(question)
+    placed = [list(place(verdict)) for _, verdict in rows]
+    axes = merge_axes([axis for axis, _ in one] for one in placed)
     by_learner: dict[str, list[ClassAttempt]] = {}
-    for row, verdict in rows:
-        by_learner.setdefault(row.learner, []).append(build_attempt(row, verdict, axes))
-    return ClassAnswers(axes, by_learner)
+    for (row, verdict), one in zip(rows, placed, strict=True):
+        by_learner.setdefault(row.learner, []).append(build_attempt(row, verdict, read_positions(one)))
+    return ClassAnswers(tuple(axes), by_learner)
 
 
-def build_attempt(row: Submission, verdict: Mapping[str, object], axes: Sequence[ClaimAxis]) -> ClassAttempt:
+def build_attempt(row: Submission, verdict: Mapping[str, object], positions: Mapping[str, Position]) -> ClassAttempt:
     """Returns one attempt."""
     status, diagnosis, line = (verdict.get(name) for name in ("status", "diagnosis", "line"))
     evidence = verdict.get("evidence")
@@ -150,5 +166,5 @@ def build_attempt(row: Submission, verdict: Mapping[str, object], axes: Sequence
     return ClassAttempt(
         row.id, row.learner, "", row.attempt, row.created_at, status == Status.CORRECT,
         name_mistake(str(status), diagnosis if isinstance(diagnosis, str) else None),
-        line if isinstance(line, int) else None, read_claims(verdict, axes), chosen,
+        line if isinstance(line, int) else None, positions, chosen,
     )  # fmt: skip

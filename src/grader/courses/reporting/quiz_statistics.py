@@ -5,7 +5,7 @@ from functools import lru_cache
 
 from grader.courses.people.identity import Identity
 from grader.courses.reviewing.blinding import unseen_by
-from grader.courses.rules.statistics import QuestionStatistics, learners_of, statistics_of, tallies_of
+from grader.courses.rules.statistics import QuestionStatistics, count_learners, statistics_of, tallies_of
 from grader.library import Library
 from grader.questions import Quiz, kind_of
 from grader.store import results
@@ -69,7 +69,8 @@ class Statistics:
         tolerances = {one.id: [number.tolerance for number in kind_of(one).numbers(one)] for one in quiz.questions}
         with self._database.read() as session:
             rows = results.of_quiz(session, version.course, quiz.id)
-        visible = (row for row in rows if row[0] not in version.without and row[:2] not in version.hidden)
+        without, hidden = version.without, version.hidden
+        visible = [row for row in rows if row[0] not in without and (not hidden or row[:2] not in hidden)]
         by_question = tallies_of(visible, tolerances)
         tallies = [by_question[one.id] for one in quiz.questions if one.id in by_question]
-        return QuizStatistics(len(learners_of(tallies)), statistics_of(tallies))
+        return QuizStatistics(count_learners(tallies), statistics_of(tallies))

@@ -1,5 +1,7 @@
-"""Who is stuck: learners whose last attempts at a question gained nothing and end in the same named mistake."""
+"""Who is stuck: learners whose last attempts at a question gained nothing and end in the same named mistake; and where
+several learners are, by the mistake of their newest attempts."""
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -8,6 +10,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from grader.courses.rules.mistakes import OTHER, name_mistake
 from grader.store import submissions
 from grader.store.submissions import Try
 from grader.store.tables import now
@@ -23,6 +26,21 @@ SUBMISSIONS_MAX = 10_000
 
 PLACES_MAX = 200
 """Learners at a question whose attempts are read, those who tried last."""
+
+
+SHARED_MIN, SHARED_MAX = 2, 4
+"""Learners whose newest attempts share a mistake that is named, and how many such mistakes are."""
+
+
+@dataclass(frozen=True)
+class SharedMistake:
+    """A mistake at a question that is the newest verdict of several learners; `key` and `name` of its family."""
+
+    quiz: str
+    question: str
+    key: str
+    name: str
+    learners: int
 
 
 @dataclass(frozen=True)
@@ -74,3 +92,24 @@ def select_stuck(runs: Iterable[Sequence[Try]], verdicts: Mapping[str, Any]) -> 
             at = (newest.learner, newest.name, newest.quiz, newest.question)
             found.append(Stuck(*at, len(run), diagnosis, newest.created_at))
     return sorted(found, key=lambda one: (-one.attempts, one.last, one.name))
+
+
+def find_shared_mistakes(session: Session, course: str) -> list[SharedMistake]:
+    """Returns the mistakes in which the newest attempts of most learners ended lately, at questions that they have not
+    solved. Looks at the `PLACES_MAX` learners at a question who tried last."""
+    newest = submissions.newest_wrong(session, course, now() - RECENT, newest=SUBMISSIONS_MAX, limit=PLACES_MAX)
+    verdicts = submissions.verdicts_of(session, [submission for *_, submission in newest])
+    made = [
+        (quiz, question, verdicts[submission]) for _, quiz, question, submission in newest if submission in verdicts
+    ]
+    return count_shared(made)
+
+
+def count_shared(made: Iterable[tuple[str, str, Any]]) -> list[SharedMistake]:
+    """Returns the mistakes of most learners; `made` has the quiz, the question and the verdict of each. Pure."""
+    named = ((quiz, question, name_mistake(one["status"], one["diagnosis"])) for quiz, question, one in made)
+    found = [(quiz, question, one) for quiz, question, one in named if one is not None and one.name != OTHER]
+    counts = Counter((quiz, question, one.key) for quiz, question, one in found)
+    names = {(quiz, question, one.key): one.name for quiz, question, one in found}
+    shared = [SharedMistake(*at, names[at], learners) for at, learners in counts.items() if learners >= SHARED_MIN]
+    return sorted(shared, key=lambda one: (-one.learners, one.quiz, one.question, one.name))[:SHARED_MAX]

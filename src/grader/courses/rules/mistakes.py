@@ -12,6 +12,11 @@ from grader.domain.verdict import Status
 CLAUSE = re.compile(r"[:;(]\s|\.(?:\s|$)|, (?:although|which|but|where|in line \d)")
 """Where the first clause of a sentence ends: what follows explains or mends."""
 
+PLACE = re.compile(
+    r"(?![A-Z])(?:(?!\. )[^:\n]){1,120}: (?=[A-Z])|(?:(?!\. )[^:\n]){1,120}: (?=(?:your|each) number\b)|[a-z_]\w*: "
+)
+"""Where a mistake was made, before the sentence on it: a case's title, a function's name, the label of a number."""
+
 VARYING = re.compile(r"\b\d[\d.,]*\b|'[^']{1,80}'|`[^`]{1,80}`|\b\w*_\w+\b")
 """What two sentences on one mistake may differ in: numbers, quoted text, names of variables."""
 
@@ -73,8 +78,15 @@ def name_family(sentence: str) -> Mistake:
     """Returns the mistake that a sentence is about; an exception may have been grouped before."""
     grouped = group_crash(sentence)
     is_crash = grouped != sentence or sentence.startswith(CRASHED)
-    name = grouped if is_crash else CLAUSE.split(sentence, maxsplit=1)[0].strip()
+    name = grouped if is_crash else CLAUSE.split(drop_place(sentence), maxsplit=1)[0].strip()
     return make_mistake(name or OTHER, sentence)
+
+
+def drop_place(sentence: str) -> str:
+    """Returns a sentence without where the mistake was made."""
+    found = PLACE.match(sentence)
+    said = sentence[found.end() :] if found else sentence
+    return said[:1].upper() + said[1:] if said.startswith(("your ", "each ")) else said
 
 
 def make_mistake(name: str, sentence: str) -> Mistake:
@@ -106,6 +118,7 @@ def group_mistakes(attempts: Mapping[str, Sequence[tuple[str, Mistake | None]]])
 def find_cure(sentence: str) -> str:
     """Returns what a sentence on a mistake says after its first clause: how it is mended. Empty where it ends there,
     and for an error, whose sentence is about the words of one script."""
-    found = None if OF_ONE_SCRIPT.search(sentence) else CLAUSE.search(sentence)
-    rest = "" if found is None else sentence[found.end() :].strip()
+    said = drop_place(sentence)
+    found = None if OF_ONE_SCRIPT.search(sentence) else CLAUSE.search(said)
+    rest = "" if found is None else said[found.end() :].strip()
     return rest[:1].upper() + rest[1:] if len(rest) > 1 else ""

@@ -19,7 +19,7 @@ DAY = timedelta(days=1)
 NO_EXTENSION = Extension()
 ROLES_THAT_SEE_ALL = ("instructor", "service")
 
-UNANSWERED = "Answer the question first: the lab opens when your prediction is made."
+UNANSWERED = "Answer the question first: the lab opens with your first answer."
 
 RUN_ENDS = (Status.CRASHED, Status.TIMED_OUT, Status.OUT_OF_MEMORY, Status.OUTPUT_TOO_LARGE, Status.FORBIDDEN)
 NOT_ABOUT_CORRECTNESS = (Status.INVALID_ANSWER, Status.GRADER_FAULT, *RUN_ENDS)
@@ -33,10 +33,12 @@ DIRECTION_FINDING_FIELDS = ("id", "title", "passed", "points", "max_points", "di
 FINDING_FIELDS = (*DIRECTION_FINDING_FIELDS, "message", "measured")
 RECEIPT_TIMES = ("script_cpu", "script_wall")
 """Times of the learner's own script. Judging takes longer where it searches for the mistake behind a wrong answer."""
-DIRECTION_EVIDENCE = ("option", "value", "unit", "angles", "claims", "tableau")
-"""Pictures of the learner's own answer."""
+DIRECTION_EVIDENCE = ("drawn", "option", "value", "unit", "angles", "claims", "tableau", "models", "motions")
+"""Pictures of the learner's own answer, and the numbers that were drawn for them."""
 FEEDBACK_EVIDENCE = (*DIRECTION_EVIDENCE, "differences", "motion", "order")
 """Pictures that show how far it is off as well. `limits` and `stability` are the solution's: they tell the limit."""
+VALUE_EVIDENCE = (*FEEDBACK_EVIDENCE, "references")
+"""Pictures that show what was asked for: the geoms of the author's model."""
 
 
 REVEAL: Reveal = "size"
@@ -78,8 +80,8 @@ class Decision:
     `why_not` says in a sentence why no answer is taken, and is None where one is. `attempts_left` is None without a
     limit. `multiplier` is what an answer handed in now would get, None where none is taken. `withheld` says when the
     feedback comes, and is None once it may be seen. `due` and `closes` include the learner's extension.
-    `why_no_lab` says why the lab of a predict question may not be run: it shows what was to be predicted, so it opens
-    with the first answer, and where feedback is withheld, with the feedback. `sees_all` is so for instructors and
+    `why_no_lab` says why the lab of a question may not be run: it shows what was to be predicted, so it opens with
+    the first answer, and where feedback is withheld, with the feedback. `sees_all` is so for instructors and
     services.
     """
 
@@ -309,7 +311,7 @@ def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
         names = (*FINDING_FIELDS, "expected") if reveal == "value" else FINDING_FIELDS
         findings = tuple(Finding(**fields_of(finding, names)) for finding in verdict.findings)
         fields = fields_of(verdict, FEEDBACK_FIELDS)
-    shown = DIRECTION_EVIDENCE if reveal == "direction" else FEEDBACK_EVIDENCE
+    shown = {"direction": DIRECTION_EVIDENCE, "size": FEEDBACK_EVIDENCE, "value": VALUE_EVIDENCE}[reveal]
     evidence = {name: value for name, value in verdict.evidence.items() if name in shown}
     return Verdict(**fields, findings=findings, evidence=evidence)
 

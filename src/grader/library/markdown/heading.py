@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 BRACES = re.compile(r"\{([^{}]*)\}$")
+NESTED = re.compile(r"(?:^|\s)\{[#.].*\}$")
+"""Braces within those of a heading, such as a value of JSON."""
 ATTRIBUTE = re.compile(r'\s*(?:#([\w.-]+)|\.([\w-]+)|([\w-]+)=("(?:[^"\\]|\\.)*"|[^\s"]+))(?=\s|$)')
 PLAIN = re.compile(r"[A-Za-z][\w.-]*")
 
@@ -16,6 +18,8 @@ def read_heading(content: str) -> dict[str, Any]:
     """Returns the keys that a heading gives. Raises ValueError with what is wrong, and the cure."""
     found = BRACES.search(content)
     if found is None:
+        if NESTED.search(content):
+            raise ValueError(f"the braces are not read: write them like {EXAMPLE}, other keys in a fence ```question")
         return {"title": content} if content else {}
     values: dict[str, Any] = {}
     title, inside, at = content[: found.start()].rstrip(), found[1].strip(), 0

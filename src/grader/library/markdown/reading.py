@@ -29,7 +29,7 @@ ANSWER = re.compile(r"Answer:[ \t]*(.*)")
 NUMBER = re.compile(r"[-+\u2212]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?")
 TOLERANCE = re.compile(r"\s*(?:\u00b1|\+-|\+/-)\s*")
 
-PARSER = make_parser(escapes_formulas=False)
+PARSER = make_parser(of_lessons=False)
 
 
 class _Refused(Exception):
@@ -180,7 +180,8 @@ def _read_fence(reading: _Reading, name: str, token: Token, line: int) -> None:
         section.texts.setdefault(section.target, []).append((token.content.removesuffix("\n"), False))
         return
     if name == "starter":
-        path = f"{reading.file}#{reading.sections[-1].key}.py"
+        suffix = ".xml" if token.info.split()[0] == "xml" else ".py"
+        path = f"{reading.file}#{reading.sections[-1].key}{suffix}"
         reading.set("starter", path, line)
         reading.starters[path] = token.content
         return

@@ -14,7 +14,7 @@ from grader.library.markdown.reading import TEXTS, infer_kind, read_markdown
 SHORT = ("id", "kind", "points", "attempts", "label", "reveal")
 """Keys that stand in the braces of a heading where their value is a text, a number or true or false."""
 
-EXERCISE = ("entry", "starter", "check", "limits")
+EXERCISE = ("takes", "entry", "starter", "check", "limits")
 """Keys of the fence ```exercise."""
 
 
@@ -34,9 +34,14 @@ def write_markdown(quiz: Mapping[str, Any]) -> str:
     """Returns the Markdown of a quiz, as it stands in its JSON. Raises ValueError for what no file can hold."""
     head = {name: value for name, value in quiz.items() if name not in ("questions", "labs")}
     parts = [write_front_matter(head).rstrip("\n")]
-    parts += [_write_fence("lab", lab) for lab in quiz.get("labs", ())]
+    parts += [write_lab(lab) for lab in quiz.get("labs", ())]
     parts += [write_question(question) for question in quiz.get("questions", ())]
     return "\n\n".join(parts) + "\n"
+
+
+def write_lab(lab: Mapping[str, Any]) -> str:
+    """Returns a lab of the quiz, which stands before the first question."""
+    return _write_fence("lab", lab)
 
 
 def write_question(question: Mapping[str, Any]) -> str:

@@ -1,11 +1,13 @@
 """Reads and writes many rows with one call, without an object of the session for each; and stores their timestamps."""
 
-import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import sqlite3
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
+from operator import itemgetter
 from typing import Any
 
+from pydantic_core import to_json
 from sqlalchemy import JSON, Dialect, Executable, FromClause, Text, bindparam, cast, column, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.dialects.postgresql import JSONB
@@ -14,10 +16,8 @@ from sqlalchemy.types import DateTime, TypeDecorator
 
 DOCUMENT = JSON().with_variant(JSONB(), "postgresql")
 
-PART_MAX = 64
-"""Rows of one statement of SQLite."""
-
 Rows = Sequence[Mapping[str, Any]]
+TableRows = tuple[type[DeclarativeBase], Rows]
 
 
 class UtcDateTime(TypeDecorator[datetime]):
@@ -51,32 +51,23 @@ def read_by_keys(session: Session, query: Executable, keys: Rows, **parameters: 
     return session.connection().execute(query, {"keys": keys, **parameters}).all() if keys else ()
 
 
-def values_of(row: DeclarativeBase) -> dict[str, Any]:
-    """The columns that are set on a row."""
-    return {name: value for name, value in vars(row).items() if not name.startswith("_")}
-
-
-def insert_rows(
-    session: Session, *tables: tuple[type[DeclarativeBase], Rows], replace: type[DeclarativeBase] | None = None
-) -> None:
+def insert_rows(session: Session, *tables: TableRows, replace: type[DeclarativeBase] | None = None) -> None:
     """Inserts rows into tables, in this order; those of a table have the same columns, the others get defaults. Rows of
     the table `replace` have all columns, and each replaces the one with its primary key.
 
-    The rows of a table go in one statement: a statement for each takes longer than the database takes to insert them,
-    and a thread that calls a database waits after every call until the event loop lets it go on."""
+    PostgreSQL gets one statement for all tables: each would be one more round trip, and takes longer in the driver than
+    the server takes to insert its rows. SQLite gets one for each table, which it prepares once for all rows."""
     connection = session.connection()
-    for table, rows in tables:
-        if not rows:
-            continue
-        whole, replaces = _with_defaults(table, rows), table is replace
-        names = tuple(one.name for one in table.__table__.columns if one.name in whole[0])
-        if connection.dialect.name == "sqlite":
-            for part in _split(whole):
-                values = tuple(_sqlite_value(row[name]) for row in part for name in names)
-                connection.exec_driver_sql(_insert_values(table, names, len(part), replaces=replaces), values)
-        else:
-            sent = json.dumps(whole, default=datetime.isoformat)
-            connection.execute(_insert_json(table, names, replaces=replaces), {"rows": sent})
+    filled = [(table, _with_defaults(table, rows)) for table, rows in tables if rows]
+    columns = [(table, tuple(one.name for one in table.__table__.columns if one.name in rows[0]))
+               for table, rows in filled]  # fmt: skip
+    if connection.dialect.name == "sqlite":
+        for (table, names), (_, rows) in zip(columns, filled, strict=True):
+            statement = _insert_values(table, names, replaces=table is replace)
+            connection.exec_driver_sql(statement, list(map(itemgetter(*names), rows)))
+    elif filled:
+        sent = {rows_of(table): to_json(rows).decode() for table, rows in filled}
+        connection.execute(_insert_json(tuple(columns), replace), sent)
 
 
 def _with_defaults(table: type[DeclarativeBase], rows: Rows) -> Rows:
@@ -88,20 +79,12 @@ def _with_defaults(table: type[DeclarativeBase], rows: Rows) -> Rows:
     return [defaults | dict(row) for row in rows]
 
 
-def _split(rows: Rows) -> Iterator[Rows]:
-    """Yields the rows in parts whose numbers are powers of two, at most PART_MAX: SQLite prepares few statements."""
-    begin = 0
-    while begin < len(rows):
-        size = min(PART_MAX, 1 << (len(rows) - begin).bit_length() - 1)
-        yield rows[begin : begin + size]
-        begin += size
+def _sqlite_moment(moment: datetime) -> str:
+    """A moment as SQLAlchemy stores it in SQLite, which has none."""
+    return moment.astimezone(UTC).replace(tzinfo=None).isoformat(" ", "microseconds")
 
 
-def _sqlite_value(value: Any) -> Any:
-    """A value as SQLAlchemy stores it in SQLite, which has no moments."""
-    if isinstance(value, datetime):
-        return value.astimezone(UTC).replace(tzinfo=None).isoformat(" ", "microseconds")
-    return value
+sqlite3.register_adapter(datetime, _sqlite_moment)
 
 
 def insert_of(backend: str) -> Any:
@@ -109,12 +92,24 @@ def insert_of(backend: str) -> Any:
     return (sqlite if backend == "sqlite" else postgresql).insert
 
 
+def rows_of(table: type[DeclarativeBase]) -> str:
+    """The parameter with the rows of a table: a JSON list of objects."""
+    return f"rows_of_{table.__tablename__}"
+
+
 @cache
-def _insert_json(table: type[DeclarativeBase], names: tuple[str, ...], *, replaces: bool) -> Any:
-    """The statement for PostgreSQL that inserts rows with these columns, the parameter `rows`: a JSON list of objects.
-    The driver takes longer to send parameters of their own than the server takes to insert them."""
+def _insert_json(
+    columns: tuple[tuple[type[DeclarativeBase], tuple[str, ...]], ...], replace: type[DeclarativeBase] | None
+) -> Any:
+    """The statement for PostgreSQL that inserts rows with these columns into each table, all at once: foreign keys are
+    checked at its end. The driver takes longer to send parameters of their own than the server takes to insert them."""
+    *others, last = [_insert_from_json(table, names, replaces=table is replace) for table, names in columns]
+    return last.add_cte(*(one.cte(f"into_{number}") for number, one in enumerate(others)))
+
+
+def _insert_from_json(table: type[DeclarativeBase], names: tuple[str, ...], *, replaces: bool) -> Any:
     columns = table.__table__.columns
-    read = func.json_to_recordset(cast(bindparam("rows", type_=Text), JSON))
+    read = func.json_to_recordset(cast(bindparam(rows_of(table), type_=Text), JSON))
     items = read.table_valued(*(column(name, columns[name].type) for name in names), name="items")
     row = insert_of("postgresql")(table.__table__)
     row = row.from_select(names, select(items.render_derived(with_types=True)))
@@ -122,13 +117,10 @@ def _insert_json(table: type[DeclarativeBase], names: tuple[str, ...], *, replac
 
 
 @cache
-def _insert_values(table: type[DeclarativeBase], names: tuple[str, ...], count: int, *, replaces: bool) -> str:
-    """The statement for SQLite that inserts so many rows with these columns."""
+def _insert_values(table: type[DeclarativeBase], names: tuple[str, ...], *, replaces: bool) -> str:
+    """The statement for SQLite that inserts a row with these columns."""
     row: Any = insert_of("sqlite")(table.__table__).values(dict.fromkeys(names))
-    text = str((_replacing(row, table) if replaces else row).compile(dialect=sqlite.dialect()))
-    head, _, rest = text.partition(" VALUES ")
-    values, _, tail = rest.partition(")")
-    return f"{head} VALUES {', '.join([f'{values})'] * count)}{tail}"
+    return str((_replacing(row, table) if replaces else row).compile(dialect=sqlite.dialect()))
 
 
 def _replacing(row: Any, table: type[DeclarativeBase]) -> Any:

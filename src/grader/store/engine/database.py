@@ -128,7 +128,7 @@ class Database:
     def lock_learners(self, session: Session, learners: Iterable[tuple[str, str]]) -> None:
         """As `lock_learner`, for several (course, learner) at once."""
         if not self.is_sqlite:
-            session.execute(LOCK_ALL, {"names": [f"{course}\n{learner}" for course, learner in learners]})
+            session.connection().execute(LOCK_ALL, {"names": [f"{course}\n{learner}" for course, learner in learners]})
 
     def tell_planner(self, session: Session, stored: int) -> None:
         """Has PostgreSQL gather statistics after the first answers that this process stores, in the transaction. Its

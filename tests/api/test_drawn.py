@@ -1,0 +1,104 @@
+"""Questions with drawn numbers, as two learners, an instructor and another system meet them."""
+
+import math
+import re
+import shutil
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+from grader.domain.verdict import Status
+from grader.grading.pipeline import Pipeline
+from grader.library import load
+from grader.settings import Settings
+from support.sites import ROOT, Site, open_site, write_content
+
+API = "/api/v1"
+QUIZ, SPEED = "2.1-drawn", "speed"
+AT = {"quiz": QUIZ, "question": SPEED}
+
+
+@pytest.fixture(scope="module")
+def shared_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    folder = tmp_path_factory.mktemp("drawn")
+    content = write_content(folder / "content")
+    shutil.copy(ROOT / f"quizzes/{QUIZ}.json", content / "quizzes")
+    with open_site(Settings(content=content, data=folder / "data", workers=0)) as site:
+        yield site
+
+
+def asked(client: httpx.Client) -> str:
+    """The question as this person sees it."""
+    shown = client.get(f"{API}/quizzes/{QUIZ}").json()["questions"]
+    return next(str(one["q"]) for one in shown if one["id"] == SPEED)
+
+
+def angle_in(text: str) -> float:
+    found = re.search(r"let go at ([\d.]+) rad", text)
+    assert found, text
+    return float(found[1])
+
+
+def right_at(angle: float) -> float:
+    """Closed form: (1/2) I w^2 = m g L (1 - cos angle)."""
+    return float((2 * 9.81 * 0.5 * (1 - math.cos(angle)) / 0.2501) ** 0.5)
+
+
+def answer(client: httpx.Client, value: Any) -> dict[str, Any]:
+    made = client.post(f"{API}/submissions", json={**AT, "answer": value})
+    assert made.status_code == 201, made.text
+    body: dict[str, Any] = made.json()
+    return body
+
+
+def test_each_learner_has_numbers_and_a_key_of_their_own(ann: httpx.Client, bob: httpx.Client) -> None:
+    mine, theirs = angle_in(asked(ann)), angle_in(asked(bob))
+    assert mine != theirs
+    assert angle_in(asked(ann)) == mine
+    made = answer(ann, right_at(mine))
+    assert made["verdict"]["status"] == "correct"
+    assert made["verdict"]["evidence"]["drawn"] == {"angle": mine}
+    same = answer(bob, right_at(mine))
+    assert same["verdict"]["status"] == "incorrect"
+    assert answer(bob, f"{right_at(theirs) * 57.29578:.4f} deg/s")["verdict"]["status"] == "correct"
+
+
+def test_a_slip_is_named_by_the_learners_own_key(ann: httpx.Client) -> None:
+    verdict = answer(ann, 2 * right_at(angle_in(asked(ann))))["verdict"]
+    assert "factor of two" in (verdict["diagnosis"] or "")
+
+
+def test_nothing_tells_the_key_or_the_template(ann: httpx.Client) -> None:
+    shown = ann.get(f"{API}/quizzes/{QUIZ}").text
+    assert not re.search(r"\{angle\}|template|\"draw\"|verify|3\.652", shown)
+    checked = ann.post(f"{API}/answers:validate", json={**AT, "answer": "3 rad/s"}).json()
+    assert (checked["valid"], checked["read_as"]) == (True, "3 rad/s")
+
+
+def test_an_instructor_sees_the_numbers_in_the_middle_and_a_learner_as_they_do(
+    site: Site, teacher: httpx.Client, ann: httpx.Client
+) -> None:
+    assert angle_in(asked(teacher)) == 0.85
+    made = answer(ann, 1)
+    seen = teacher.get(f"{API}/submissions/{made['id']}").json()
+    assert seen["verdict"]["evidence"]["drawn"] == {"angle": angle_in(asked(ann))}
+
+
+def test_another_system_hands_in_for_its_learner(site: Site) -> None:
+    lms = site.client("lms", "service")
+    body = {**AT, "learner": {"namespace": "school", "id": "s1"}, "answer": 1}
+    first = lms.post(f"{API}/lms/submissions", json=body).json()
+    angle = first["verdict"]["evidence"]["drawn"]["angle"]
+    right = lms.post(f"{API}/lms/submissions", json=body | {"answer": right_at(angle)}).json()
+    assert right["verdict"]["status"] == "correct"
+
+
+def test_a_stored_seed_repeats_the_numbers_whoever_reads_it_again() -> None:
+    first, other = (Pipeline(load(ROOT, QUIZ), secret=secret) for secret in (b"one", b"other"))
+    parsed = first.read(QUIZ, SPEED, 1, learner="course/ann")
+    again = other.read(QUIZ, SPEED, 1, parsed.seed)
+    assert (again.question, again.seed) == (parsed.question, parsed.seed)
+    assert first.read(QUIZ, SPEED, 1, learner="course/bob").seed != parsed.seed
+    assert first.judge(parsed).status is Status.INCORRECT
