@@ -6,7 +6,7 @@ from shutil import copytree, rmtree
 from setuptools import setup
 from setuptools.command.build_py import build_py
 
-CONTENT = ("quizzes", "models", "reference_solutions")
+CONTENT = ("quizzes", "lessons", "models", "reference_solutions")
 
 
 class WithContent(build_py):

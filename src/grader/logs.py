@@ -4,11 +4,14 @@ Answers, tokens, sources and queries are never logged: a request is named by the
 not show the values of variables, and only the type of an error that quotes its input.
 """
 
+import asyncio
 import json
 import logging
 import sys
 import traceback
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import structlog
@@ -22,15 +25,41 @@ encode = json.JSONEncoder(default=str).encode
 BoundLogger = structlog.make_filtering_bound_logger(logging.INFO)
 
 
+WAITING = deque[str]()
+"""Lines that were logged in this step of an event loop; each is followed by a call of `write_lines`."""
+
+
 class Lines:
-    """Writes lines to stderr, whatever that is by then."""
+    """Writes lines to stderr, whatever that is by then: in an event loop those of one step together, since a thread
+    that writes lets all others go first, and then waits for its turn."""
 
     def msg(self, line: str) -> None:
         """Writes one line."""
-        sys.stderr.write(f"{line}\n")
-        sys.stderr.flush()
+        try:
+            loop = asyncio.get_running_loop()
+        except RuntimeError:
+            write([line])
+            return
+        WAITING.append(line)
+        loop.call_soon(write_lines)
 
     debug = info = warning = error = critical = exception = msg
+
+
+def write_lines() -> None:
+    """Writes the lines that wait, if any."""
+    lines: list[str] = []
+    with suppress(IndexError):  # other threads may have event loops too
+        while True:
+            lines.append(WAITING.popleft())
+    if lines:
+        write(lines)
+
+
+def write(lines: Sequence[str]) -> None:
+    """Writes lines to stderr, at once."""
+    sys.stderr.write("".join(f"{line}\n" for line in lines))
+    sys.stderr.flush()
 
 
 def is_json(log_format: str) -> bool:

@@ -31,6 +31,12 @@ def default_content() -> Path:
     return packaged if packaged.is_dir() else package.parents[1]
 
 
+def find_content() -> Path:
+    """The working directory where it is a content folder, else the content that the grader brought along."""
+    here = Path.cwd()
+    return here if (here / "quizzes").is_dir() else default_content()
+
+
 def default_cache(fields: dict[str, Any]) -> Path:
     """The user's folder for what can be computed again; below the data folder where the user has no home."""
     homes = os.environ.get("XDG_CACHE_HOME"), os.environ.get("HOME")
@@ -54,7 +60,7 @@ class Settings(BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, extra="forbid")
 
-    content: Path = Field(default_factory=default_content, description="Folder with quizzes/ and models/ inside.")
+    content: Path = Field(default_factory=find_content, description="Folder with quizzes/ and models/ inside.")
     courses: dict[str, Path] = Field(
         default_factory=dict,
         description='Content folders of courses that have their own, as JSON: {"mechanics": "/srv/mechanics"}.',

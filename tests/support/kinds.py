@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
-from grader.exercises import planning, rehearsing, runner
+from grader.exercises import authored, lazy, luck, planning, rehearsing, runner, visible
 
 
 def install_kinds(monkeypatch: pytest.MonkeyPatch, **kinds: Any) -> None:
     """Lets these kinds alone be installed."""
-    for module in (planning, rehearsing, runner):
+    for module in (authored, lazy, luck, planning, rehearsing, runner, visible):
         monkeypatch.setattr(module, "load_kinds", lambda: kinds)

@@ -5,18 +5,17 @@ import os
 import random
 import signal
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import httpx
 
 from grader.service.app import create_app
 from grader.settings import Settings
+from support.forked_commands import Forked, fork_command
 from support.servers import PLAIN, serving
 from support.sites import ROOT
 from support.tokens import issue_token
@@ -31,9 +30,7 @@ PAUSES = "import time\ntime.sleep(0.3)\n\ndef largest_stable_timestep(model, int
 
 
 @contextmanager
-def process_of(
-    command: str, settings: Settings, before: str = "", log: IO[bytes] | None = None
-) -> Iterator[subprocess.Popen[bytes]]:
+def process_of(command: str, settings: Settings, before: str = "", log: Path | None = None) -> Iterator[Forked]:
     """`grader serve` or `grader worker` with these settings; killed at the end, whatever the test has done to it.
 
     The process runs the code `before` first, and writes its log to `log`.
@@ -50,13 +47,8 @@ def process_of(
     }
     if settings.database_url:
         environment["GRADER_DATABASE_URL"] = settings.database_url
-    main = f"{before}\nimport sys; sys.argv = ['grader', {command!r}]; from grader.commands.main import main; main()"
-    process = subprocess.Popen([sys.executable, "-c", main], env=environment, stdout=subprocess.DEVNULL, stderr=log)
-    try:
+    with fork_command(command, environment, before, log) as process:
         yield process
-    finally:
-        process.kill()
-        process.wait()
 
 
 @contextmanager
@@ -84,7 +76,7 @@ def settings_on(database_url: str | None, folder: Path, workers: int = 1, tries:
     )
 
 
-def wait_until_ready(process: "subprocess.Popen[bytes]", settings: Settings) -> None:
+def wait_until_ready(process: Forked, settings: Settings) -> None:
     """A server without workers of its own is ready only beside others: until it answers at all then."""
     deadline = time.monotonic() + START_S
     while True:

@@ -12,6 +12,8 @@ from typing import Literal
 import uvicorn
 from starlette.types import ASGIApp
 
+from grader.service.serving import GatheringProtocol
+
 START_S = 120.0
 
 PLAIN = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
@@ -29,7 +31,7 @@ def serving(
     listener.bind(("127.0.0.1", port))
     listener.listen(128)
     config = uvicorn.Config(
-        app, http="httptools", ws="none", log_level="warning", access_log=False, proxy_headers=False,
+        app, http=GatheringProtocol, ws="none", log_level="warning", access_log=False, proxy_headers=False,
         timeout_graceful_shutdown=2, ssl_certfile=certificate, loop=loop,
     )  # fmt: skip
     server = uvicorn.Server(config)

@@ -34,6 +34,8 @@ def check(
     from grader.library import NOTHING_PASSED, PassedChecks
 
     settings = read_settings()
+    if not paths:
+        say(f"the content folder is {settings.content}")
     passed = NOTHING_PASSED if again else PassedChecks(settings.cache)
     with err.status("starting") as status:  # nothing where stderr is no terminal
         reports = [
@@ -65,18 +67,19 @@ def schema() -> None:
 
 @cli.command("import")
 def import_(
-    lesson: Path, out: Annotated[Path, typer.Option(help="Folder for the quiz files.")] = Path("quizzes")
+    lesson: Path,
+    out: Annotated[Path, typer.Option(help="Folder for the quiz files.")] = Path("quizzes"),
+    source: Annotated[str, typer.Option(help="Address of the lesson's page, for what does not run here.")] = "",
 ) -> None:
-    """Write the fenced quiz and lab blocks of a Markdown lesson as quiz JSON; labs with faults are left out."""
+    """Write a Markdown lesson as content: its quiz and lab blocks as quiz JSON, its text and pictures beside them."""
     from grader.importing.lesson import import_lesson
 
-    imported = import_lesson(lesson.read_text(encoding="utf-8"), lesson.stem)
+    imported = import_lesson(lesson.read_text(encoding="utf-8"), lesson.stem, lesson.parent, source)
     for remark in imported.remarks:
         print(f"warning: {remark}", file=sys.stderr)
-    out.mkdir(parents=True, exist_ok=True)
-    for quiz_id, quiz in imported.quizzes.items():
-        path = out / f"{quiz_id}.json"
-        path.write_text(json.dumps(quiz, ensure_ascii=False, indent=2) + "\n", encoding="utf-8")
+    for path, body in imported.list_files(out).items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(body)
         print(path)
     if imported.faults:
         raise ContentError(imported.faults)

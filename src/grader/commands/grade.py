@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from grader.domain.verdict import Verdict
     from grader.grading.pipeline import Pipeline
     from grader.library import Library
+    from grader.questions import Question
 
 cli = typer.Typer()
 
@@ -40,7 +41,9 @@ def open_pipeline(library: "Library", jailed: bool = True) -> Iterator["Pipeline
 def grade(
     quiz: str,
     question: str,
-    answer: Annotated[str, typer.Argument(help="A script or notebook for an exercise, else the answer itself.")],
+    answer: Annotated[
+        str, typer.Argument(help="The file of an exercise: a script, notebook, model or .npz; else the answer itself.")
+    ],
     as_json: Json = False,
     seed: Annotated[
         int | None,
@@ -62,11 +65,11 @@ def grade(
 
     if as_json and form is not None:
         raise Unprocessable("Give either --json or --format.")
-    library = load(read_settings().content, quiz)
+    library = load(read_settings().content, quiz, question=question)
     asked = library.question(quiz, question)
     kind = kind_of(asked)
     is_script = kind.is_script
-    given = kind.from_text(asked, read_script(Path(answer)) if is_script else answer)
+    given = kind.from_text(asked, read_handed_in(Path(answer), asked) if is_script else answer)
     with open_pipeline(library, jailed=is_script) as pipeline:
         keyed = pipeline if key is None else replace(pipeline, secret=key.read_bytes())
         submission = keyed.read(quiz, question, given, seed)
@@ -101,12 +104,12 @@ def grade_notebook(
     from grader.domain.verdict import Status
     from grader.grading.notebooks import assemble_script, find_cell, read_notebook
     from grader.library import load
-    from grader.questions import kind_of
+    from grader.questions import question_view
 
     library = load(read_settings().content)
-    kind = kind_of(library.question(quiz, question))
-    if not kind.is_script:
-        raise Unprocessable(f"{quiz} {question} is no exercise: cells of notebooks are answers to exercises.")
+    asked = library.question(quiz, question)
+    if question_view(asked).get("takes") != "python":
+        raise Unprocessable(f"{quiz} {question} is no exercise that takes a script, as cells of notebooks are.")
     code = CORRECT
     with open_pipeline(library) as opened:
         pipeline = opened if key is None else replace(opened, secret=key.read_bytes())
@@ -126,14 +129,18 @@ def grade_notebook(
     sys.exit(code)
 
 
-def read_script(path: Path) -> str:
-    """Reads the text of a script, or the code cells of a notebook. Raises OSError, Unprocessable."""
-    if path.suffix == ".ipynb":
+def read_handed_in(path: Path, asked: "Question") -> str:
+    """Reads the text of a script or a model, the code cells of a notebook, or a file as base64. Raises OSError,
+    Unprocessable."""
+    from grader.questions import decode_file, question_view
+
+    takes = question_view(asked)["takes"]
+    if path.suffix == ".ipynb" and takes == "python":
         from grader.grading.notebooks import assemble_script, read_notebook
 
         return assemble_script(read_notebook(path))
     try:
-        return path.read_text(encoding="utf-8")
+        return decode_file(takes, path.read_bytes())
     except UnicodeDecodeError as error:
         raise Unprocessable(f"{path} is not UTF-8 text: {error}") from error
 

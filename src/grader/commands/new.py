@@ -1,5 +1,6 @@
-"""Commands that begin content: `grader new course | lesson | question | exercise`."""
+"""Commands that begin content: `grader new course | lesson | question | exercise | lab`."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -10,15 +11,18 @@ from grader.commands.options import say
 cli = typer.Typer(help="Begin content that passes `grader check` at once, for you to change.", no_args_is_help=True)
 
 Folder = Annotated[Path, typer.Option("--in", help="The content folder.")]
+Markdown = Annotated[bool, typer.Option("--markdown", help="Write the quiz as Markdown, not as JSON.")]
 HERE = Path()
 
 
 @cli.command()
-def course(folder: Annotated[Path, typer.Argument(help="A new content folder.")]) -> None:
+def course(
+    folder: Annotated[Path, typer.Argument(help="A new content folder.")], *, markdown: Markdown = False
+) -> None:
     """A content folder with one quiz."""
     from grader.library import scaffold
 
-    tell(scaffold.begin_course(folder))
+    tell(scaffold.begin_course(folder, as_markdown=markdown), folder)
 
 
 @cli.command()
@@ -27,12 +31,12 @@ def lesson(
     title: Annotated[str, typer.Option(help="The title of the quiz.")] = "Knowledge check",
     folder: Folder = HERE,
     *,
-    markdown: Annotated[bool, typer.Option("--markdown", help="Write it as Markdown, not as JSON.")] = False,
+    markdown: Markdown = False,
 ) -> None:
     """A quiz of one question; the number at the head of its id says of which lesson it is."""
     from grader.library import scaffold
 
-    tell(scaffold.begin_quiz(folder, quiz, title, as_markdown=markdown))
+    tell(scaffold.begin_quiz(folder, quiz, title, as_markdown=markdown), folder)
 
 
 @cli.command()
@@ -44,7 +48,7 @@ def question(
     """A question of a kind, at the end of a quiz."""
     from grader.library import scaffold
 
-    tell(scaffold.add_question(folder, quiz, kind))
+    tell(scaffold.add_question(folder, quiz, kind), folder)
 
 
 @cli.command()
@@ -56,11 +60,24 @@ def exercise(
     """An exercise of a kind, with a starter and a reference program that is right."""
     from grader.library import scaffold
 
-    tell(scaffold.add_exercise(folder, quiz, kind))
+    tell(scaffold.add_exercise(folder, quiz, kind), folder)
 
 
-def tell(written: list[Path]) -> None:
+@cli.command()
+def lab(
+    kind: Annotated[str, typer.Argument(help="simlab, integrators, or another installed kind")],
+    quiz: Annotated[str, typer.Argument(help="The quiz that gets it.")],
+    folder: Folder = HERE,
+) -> None:
+    """A lab of a kind, at the end of a quiz."""
+    from grader.library import scaffold
+
+    tell(scaffold.add_lab(folder, quiz, kind), folder)
+
+
+def tell(written: list[Path], folder: Path) -> None:
     """Prints the files that were written, and what comes next."""
     for file in written:
         print(file)
-    say("Change them, and run `grader check`.")
+    place = shlex.quote(str(folder))
+    say(f"Change them: `grader author {place}` shows them as students see them, `grader check {place}` checks them.")

@@ -1,6 +1,7 @@
 """Programs: a text is parsed and compiled once, bound to a machine, and then called like a Python function."""
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import mujoco
@@ -18,6 +19,9 @@ from grader.expressions.values import UNDEFINED, RunError, Value
 FILE = "<expression>"
 PASSES_MAX = 4
 """After so many attempts to learn what is known of the variables, nothing is taken to be known."""
+
+COMPILED_MAX = 256
+"""Programs that are kept: labs which differ in their start alone, such as the draws of a case, share their others."""
 
 FAILURES = (RunError, mujoco.FatalError, RecursionError)
 
@@ -83,9 +87,10 @@ class Program:
         return made
 
 
+@lru_cache(maxsize=COMPILED_MAX)
 def compile_program(text: str, kind: ProgramKind, where: str) -> Program:
-    """Compile an expression or a list of statements. Raises ContentError with a fault whose key is `where` and whose
-    reason begins with line and column."""
+    """Compile an expression or a list of statements, once. Raises ContentError with a fault whose key is `where` and
+    whose reason begins with line and column."""
     source = Source(text, kind)
     try:
         return Program(source, where)

@@ -254,7 +254,9 @@ class Terms:
         """`{rows: 'pos'}`: the options of a call, and nothing else."""
         if node.parent is None or node.parent.type != "arguments":
             raise SyntaxRefused(
-                node, "{...} is available as an argument only, such as lib.jacobianSV('tip', {rows: 'pos'})"
+                node,
+                "{...} is available as an argument only, such as lib.jacobianSV('tip', {rows: 'pos'}); "
+                "or for a number that the question draws: name it in `draw`",
             )
         names: list[ast.expr] = []
         values: list[ast.expr] = []

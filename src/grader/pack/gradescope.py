@@ -53,7 +53,7 @@ def pack_gradescope(library: Library, quiz: str, question: str, out: Path, *, al
     if out.exists():
         raise Conflict(f"{out} is there already: name another place with --out, or remove it.")
     files = [
-        *scripts(quiz, question, allow_t2=allow_t2),
+        *scripts(quiz, asked, allow_t2=allow_t2),
         *content(library, quiz, asked),
         *wheels(asked.check.kind),
         Packed("key", secrets.token_bytes(KEY_BYTES), PRIVATE),
@@ -62,9 +62,12 @@ def pack_gradescope(library: Library, quiz: str, question: str, out: Path, *, al
     return out
 
 
-def scripts(quiz: str, question: str, *, allow_t2: bool) -> list[Packed]:
+def scripts(quiz: str, question: ScriptQuestion, *, allow_t2: bool) -> list[Packed]:
     """Returns the scripts that Gradescope calls, and what this exercise says to them."""
-    values = {"QUIZ": quiz, "QUESTION": question, "GRADER_ALLOW_T2": str(allow_t2).lower()}
+    suffixes = ".py .ipynb" if question.takes == "python" else question.form.suffix
+    values = {
+        "QUIZ": quiz, "QUESTION": question.id, "SUFFIXES": suffixes, "GRADER_ALLOW_T2": str(allow_t2).lower()
+    }  # fmt: skip
     said = "".join(f"{name}={shlex.quote(value)}\n" for name, value in values.items())
     found = [Packed(path.name, path.read_bytes(), EXECUTABLE) for path in sorted(SCRIPTS.iterdir()) if path.is_file()]
     return [*found, Packed("exercise.sh", said.encode())]
@@ -74,7 +77,7 @@ def content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packe
     """Returns a content folder with this question alone, and the models, which scripts may read. No other question, no
     explanation, no starter and no reference solution is in it."""
     file = library.file(quiz)
-    sources = library.sources[quiz]
+    sources = {path: text for path, text in library.sources[quiz].items() if isinstance(text, str)}  # no pictures
     raw: dict[str, Any] = parse_quiz(sources[file], file).raw or {}
     place = [one.id for one in library.quiz(quiz).questions].index(question.id)
     asked = {key: value for key, value in raw["questions"][place].items() if key not in LEFT_OUT}

@@ -7,6 +7,7 @@ import zipfile
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from grader.domain.markup import plain_text
@@ -34,6 +35,30 @@ README = """# {title}
   here and uses no attempt; `mjgrade submit {script}` hands in. Without it, hand in on the exercise's page.
 {address}- The server decides. It has MuJoCo {mujoco}; with another version the last digits may differ.
 """
+
+
+ON_THE_SERVER = """\
+- `mjgrade submit {script}`, of the wheel `mujoco-grader-client` that your course gives you, hands in. Without it,
+  hand in on the exercise's page.
+{address}- The server judges, all cases. It has MuJoCo {mujoco}; with another version the last digits may differ.
+"""
+
+READMES = {
+    "mjcf": """# {title}
+
+- `{quiz} {question}`, {points:g} points.
+- `{script}` is the MJCF where you begin. To look at it: `pip install mujoco=={mujoco}`, then
+  `python -m mujoco.viewer --mjcf={script}`.
+"""
+    + ON_THE_SERVER,
+    "npz": """# {title}
+
+- `{quiz} {question}`, {points:g} points.
+- You hand in `{script}`, a file that `numpy.savez` writes{begin}. `mjcourse.py` finds the models in `models/`, for
+  which you need `pip install mujoco=={mujoco}`.
+"""
+    + ON_THE_SERVER,
+}
 
 
 ADDRESS = """- Its page: {origin}/quizzes/{quiz}/{question}. `mjgrade sign-in {origin}` signs you in from a terminal.
@@ -74,7 +99,7 @@ def list_texts(library: Library, quiz: str, name: str, *, judged: bool, origin: 
     question = library.question(quiz, name)
     if not isinstance(question, ScriptQuestion):
         raise NotFound(f"{quiz} {name} is no exercise: only exercises have a kit.")
-    starter = library.starter(question) or f"def {question.entry}(*arguments):\n    raise NotImplementedError\n"
+    starter = library.starter(question) or write_starter(question)
     title = plain_text(question.title or question.id)
     exercise = {
         "format": FORMAT,
@@ -83,12 +108,13 @@ def list_texts(library: Library, quiz: str, name: str, *, judged: bool, origin: 
         "question": name,
         "title": title,
         "entry": question.entry,
+        "takes": question.takes,
         "points": question.points,
         "limits": question.limits.model_dump(),
         "reveal": question.reveal or "size",
         **describe_exercise(question, library.model_xml, library.text, judged=judged),
     }
-    script = f"{name.replace('-', '_')}.py"
+    script = f"{name.replace('-', '_')}{question.form.suffix}"
     notebook = f"{name}.ipynb"
     named = list_visible_models(question) | {model for model in library.models if is_named(model, starter)}
     texts = {
@@ -104,12 +130,23 @@ def list_texts(library: Library, quiz: str, name: str, *, judged: bool, origin: 
         "script": script,
         "notebook": notebook,
     }
+    if question.takes != "python":
+        begins = {script: starter} if question.takes == "mjcf" else {f"{Path(script).stem}.py": starter}
+        values["begin"] = f"; `{Path(script).stem}.py` is where you begin" if starter else ""
+        return {"README.md": READMES[question.takes].format_map(values), **(begins if starter else {}), **texts}
     return {
         "README.md": README.format_map(values),
         script: starter,
         notebook: build_notebook(question.q, starter, exercise, texts),
         **texts,
     }
+
+
+def write_starter(question: ScriptQuestion) -> str:
+    """Returns what to begin with where the author gives nothing; empty for a file."""
+    if question.takes == "python":
+        return f"def {question.entry}(*arguments):\n    raise NotImplementedError\n"
+    return "<mujoco>\n  <worldbody>\n  </worldbody>\n</mujoco>\n" if question.takes == "mjcf" else ""
 
 
 def is_named(model: str, starter: str) -> bool:

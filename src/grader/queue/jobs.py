@@ -150,6 +150,8 @@ CLAIM = (
 
 def claim(session: Session, owner: int, topics: tuple[str, ...] = TOPICS) -> Claim | None:
     """Claims the first job of these topics in the queue's order that is due, for `owner`. None if there is none."""
+    if not topics:
+        return None
     places, lease = [TOPICS.index(topic) for topic in topics], secrets.token_hex(16)
     values = {"from": min(places), "to": max(places), "topics": topics, "by": owner, "new": lease}
     found = session.connection().execute(CLAIM, values).first()

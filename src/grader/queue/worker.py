@@ -122,7 +122,8 @@ class Worker:
         self._keep_owner()  # before the first claim: the jobs of an owner without a lock are released
         apart = tuple(topic for topic in self.tasks if topic in APART and self.others)
         first = tuple(topic for topic in self.tasks if topic not in apart)
-        lanes = [first] * self.threads + [apart] * (self.others if apart else 0)
+        # A thread without topics has nothing to claim.
+        lanes = [topics for topics in [first] * self.threads + [apart] * self.others if topics]
         self._news = {topics: News() for topics in lanes}
         for topics, news in self._news.items():
             for topic in topics:
@@ -168,12 +169,12 @@ class Worker:
         """Whether every thread runs."""
         return bool(self._threads) and all(thread.is_alive() for thread in self._threads)
 
-    def do_one(self, topics: tuple[str, ...] = ()) -> bool:
-        """Does the next job, of these topics or of any. False if there is none."""
+    def do_one(self, topics: tuple[str, ...] | None = None) -> bool:
+        """Does the next job, of these topics or, with None, of any that has a task. False if there is none."""
         claimed: Claim | None = None
         try:
             with self.database.write(hasty=True) as session:  # a claim that gets lost leaves the job in the queue
-                claimed = jobs.claim(session, self.owner.id, topics or tuple(self.tasks))
+                claimed = jobs.claim(session, self.owner.id, tuple(self.tasks) if topics is None else topics)
                 if claimed is None:
                     return False
                 # Before the commit: what the database calls ours and is not held here counts as lost.

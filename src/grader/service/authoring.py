@@ -11,12 +11,15 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from grader.api.learning.labs import LabBody, find_lab, record
+from grader.domain.media import ADDRESS
 from grader.errors import CallerError, NotFound
 from grader.library import Library, PassedChecks
+from grader.library.media import read_media
 from grader.questions import kind_of, lab_view, student_view
 from grader.web.author import pages
 from grader.web.author.desk import AuthorDesk, OpenPipeline
 from grader.web.frame import assets
+from grader.web.learner.media import send_media
 
 HOST = "127.0.0.1"
 HOSTS = [HOST, "localhost"]
@@ -88,6 +91,14 @@ def make_app(root: Path, passed: PassedChecks, open_pipeline: OpenPipeline) -> F
     app.include_router(pages.router)
     app.include_router(labs)
     app.add_exception_handler(CallerError, pages.refuse)
+
+    @app.get(ADDRESS + "{sha256}/{name}")
+    def show_media(sha256: str, name: str) -> Response:
+        """A picture or file of the folder as it is now. Raises NotFound."""
+        for one in read_media(root)[0].values():
+            if (one.sha256, one.name) == (sha256, name):
+                return send_media(one)
+        raise NotFound("There is no such picture or file.")
 
     @app.get("/static/{path:path}")
     async def static_file(path: str, request: Request) -> Response:

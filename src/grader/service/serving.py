@@ -11,6 +11,7 @@ from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
 import uvicorn
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -24,6 +25,9 @@ SHUTDOWN_S = 5
 SWITCH_S = 0.0005
 """How long a thread keeps the interpreter while another waits for it [s]: the event loop is always busy, and the writer
 waits after every answer of the database. Python's own 5 ms would be most of the time that a batch takes."""
+
+GATHERED_BYTES_MAX = 64 * 1024
+"""Bytes of a response that are sent together at most."""
 
 ALIVE = b'{"status":"ok"}'
 """What `/healthz` says, also once the service has taken over."""
@@ -91,10 +95,57 @@ async def answer(send: Any, status: int, document: bytes) -> None:
     await send({"type": "http.response.body", "body": document})
 
 
+class GatheringProtocol(HttpToolsProtocol):
+    """Speaks HTTP as uvicorn does, and sends a response whole: uvicorn writes its head and its body each by itself, and
+    both calls of the system together took a sixth of the CPU time of an answer."""
+
+    def connection_made(self, transport: Any) -> None:
+        """Takes over a connection."""
+        super().connection_made(GatheredWrites(transport))  # type: ignore[arg-type]
+
+
+class GatheredWrites:
+    """A transport that sends together what is written in one step of the event loop. It does so behind everything that
+    was to be done after the step when the last part came: a client finds its request in the log."""
+
+    def __init__(self, transport: asyncio.Transport) -> None:
+        self._transport = transport
+        self._parts: list[bytes] = []
+        self._bytes = self._due = 0
+
+    def write(self, data: bytes) -> None:
+        """Keeps a part until the step is over, unless it is long: then the transport says when it has enough."""
+        asyncio.get_running_loop().call_soon(self._send_last)
+        self._parts.append(data)
+        self._bytes += len(data)
+        self._due += 1
+        if self._bytes >= GATHERED_BYTES_MAX:
+            self._send()
+
+    def close(self) -> None:
+        """Closes the connection once everything is sent."""
+        self._send()
+        self._transport.close()
+
+    def _send_last(self) -> None:
+        self._due -= 1
+        if not self._due:
+            self._send()
+
+    def _send(self) -> None:
+        parts, self._parts, self._bytes = self._parts, [], 0
+        if parts:
+            self._transport.write(b"".join(parts))
+
+    def __getattr__(self, name: str) -> Any:
+        """Everything else is the transport's own."""
+        return getattr(self._transport, name)
+
+
 def server_config(app: StartingApp) -> uvicorn.Config:
     """Returns how uvicorn serves the app. It knows no proxies: `create_app` adds those of the settings."""
     return uvicorn.Config(
-        app, lifespan="on", http="httptools", ws="none", loop="uvloop", log_config=None, log_level="warning",
+        app, lifespan="on", http=GatheringProtocol, ws="none", loop="uvloop", log_config=None, log_level="warning",
         access_log=False, proxy_headers=False, server_header=False, timeout_graceful_shutdown=SHUTDOWN_S,
     )  # fmt: skip
 

@@ -19,6 +19,7 @@ from sqlalchemy.orm import Session
 from grader.courses.answering import results
 from grader.courses.answering.stopping import verdict_after
 from grader.courses.regrading.background import JudgeBy, Regrading
+from grader.domain.progress import TrialProgress
 from grader.domain.verdict import Status, Verdict
 from grader.errors import ContentLost, NotFound, ScriptStopped, Unprocessable
 from grader.gate.monitoring import Monitor
@@ -37,7 +38,7 @@ from grader.store.tables import Submission
 from grader.store.upkeep.pruning import prune
 
 Judge = Callable[[Submission], Verdict]
-TellCase = Callable[[str, int, int], object]
+TellCase = Callable[[str, int, int, TrialProgress | None], object]
 """Called with a submission's id, the number of the case that its script is at, and the number of cases."""
 Append = Callable[[Session, Submission, Verdict, str], None]
 
@@ -131,9 +132,9 @@ def schedule_pruning(database: Database) -> None:
 def make_progress_signal(database: Database) -> TellCase:
     """Lets those who follow a submission know which case its script is at. A database that is away is ignored."""
 
-    def tell(submission_id: str, case: int, cases: int) -> None:
+    def tell(submission_id: str, case: int, cases: int, within: TrialProgress | None) -> None:
         with suppress(*AWAY), database.write(hasty=True) as session:
-            submissions.tell_case(session, submission_id, case, cases)
+            submissions.tell_case(session, submission_id, case, cases, within)
 
     return tell
 

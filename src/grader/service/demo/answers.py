@@ -8,7 +8,7 @@ from random import Random
 from typing import Any
 
 from grader.domain.verdict import Status
-from grader.grading.checking import ReferenceProgram, find_references
+from grader.grading.references import ReferenceProgram, find_references
 from grader.library import Library
 from grader.questions import OptionKey, Question, kind_of
 
@@ -87,7 +87,7 @@ def build_pool(question: Question, programs: Sequence[ReferenceProgram]) -> Answ
     """Returns the answers to one question; None where there are none."""
     kind = kind_of(question)
     if kind.is_script:
-        return pool_programs(programs)
+        return pool_programs(question, programs)
     if kind.is_prose:
         texts = OPEN_ANSWERS.get(question.id, ON_TIMESTEPS).strip().splitlines()
         return AnswerPool(tuple(texts), (), (), is_open=True)
@@ -102,7 +102,7 @@ def build_pool(question: Question, programs: Sequence[ReferenceProgram]) -> Answ
     return AnswerPool(tuple(list_typed(key.answer, key.unit)), wrong_numbers, tuple(range(len(wrong_numbers), 0, -1)))
 
 
-def pool_programs(programs: Sequence[ReferenceProgram]) -> AnswerPool | None:
+def pool_programs(question: Question, programs: Sequence[ReferenceProgram]) -> AnswerPool | None:
     """Returns the reference programs of an exercise without what cheats, which is rarer than the folder has it."""
     honest = [one for one in programs if "cheat" not in one.file]
     right = [one for one in honest if one.status == Status.CORRECT]
@@ -110,7 +110,8 @@ def pool_programs(programs: Sequence[ReferenceProgram]) -> AnswerPool | None:
     if not right or not wrong:
         return None
     weights = tuple(COMMON_WEIGHT if name_mistake(one) in COMMON else 1 for one in wrong)
-    return AnswerPool(tuple(map(make_answer, right)), tuple(map(make_answer, wrong)), weights, is_script=True)
+    rights, wrongs = (tuple(make_answer(question, one) for one in some) for some in (right, wrong))
+    return AnswerPool(rights, wrongs, weights, is_script=True)
 
 
 def name_mistake(program: ReferenceProgram) -> str:
@@ -118,10 +119,14 @@ def name_mistake(program: ReferenceProgram) -> str:
     return Path(program.file).stem.partition("__")[2]
 
 
-def make_answer(program: ReferenceProgram) -> dict[str, str]:
+DEMANDS = ("# diagnosis:", "# from MuJoCo", "<!-- diagnosis:", "<!-- from MuJoCo")
+
+
+def make_answer(question: Question, program: ReferenceProgram) -> Any:
     """Returns a program as a learner hands it in: without the comments that say what it must get."""
     lines = program.source.splitlines(keepends=True)
-    return {"source": "".join(line for line in lines if not line.startswith(("# diagnosis:", "# from MuJoCo")))}
+    text = "".join(line for line in lines if not line.startswith(DEMANDS))
+    return kind_of(question).from_text(question, text)
 
 
 def list_typed(value: float, unit: str | None) -> Iterator[str]:

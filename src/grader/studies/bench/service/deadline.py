@@ -54,6 +54,9 @@ LOAD = 1.5
 REHEARSING, GREEDY_SHARE = 12, 1 / 3
 """Learners of a rehearsal, and the share of the scripts that one of them hands in."""
 
+WARM_UP = {True: 2, False: 8}
+"""Scripts that each process grades before it is measured, in a quick study and else."""
+
 SHARES = {"median_s": 50, "p95_s": 95, "p99_s": 99, "longest_s": 100}
 
 
@@ -69,7 +72,7 @@ class Capacity(Measurement):
         source, queued = SCRIPTS[self.script]()
         each, rounds = (2 * CORES, 1) if quick else (max(queued, 2 * CORES), 5)
         with serve_clients(1, GRADER_WORKERS=str(CORES)) as (client,):
-            measure_queue(client, SCRIPT, 8)
+            measure_queue(client, SCRIPT, WARM_UP[quick])
             return {"cpu_s": min(measure_queue(client, source, each)[1] for _ in range(rounds))}
 
 
@@ -82,7 +85,7 @@ class Footprint(Measurement):
     def measure(self, quick: bool, done: Records) -> Record:
         """Returns the proportional set size of server, grading processes and jails [MB]."""
         with serve_clients(1, GRADER_WORKERS=str(self.processes)) as (client,):
-            measure_queue(client, SCRIPTS[KINDS[0]]()[0], 8 * self.processes)
+            measure_queue(client, SCRIPTS[KINDS[0]]()[0], WARM_UP[quick] * self.processes)
             return {"memory_mb": read_memory_mb(client.server)}
 
 
@@ -98,7 +101,7 @@ class Rehearsal(Measurement):
         source, _ = SCRIPTS[self.script]()
         scripts, burst = (12, 4) if quick else (90, 24)
         with serve_clients(REHEARSING, GRADER_WORKERS=str(CORES)) as clients:
-            measure_queue(clients[0], SCRIPT, 8)
+            measure_queue(clients[0], SCRIPT, WARM_UP[quick])
             rate, _ = measure_queue(clients[0], source, burst)
             arrivals = list(draw_rehearsal(scripts, LOAD * rate))
             measured = rehearse(clients, source, arrivals)
