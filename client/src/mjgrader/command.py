@@ -1,6 +1,7 @@
 """`mjgrade`: the same in a terminal."""
 
 import argparse
+import base64
 import getpass
 import os
 import re
@@ -100,7 +101,7 @@ def judge(asked: argparse.Namespace, session: Session) -> int:
     if asked.command == "result":
         answer = session.result(kit.name)
     else:
-        source = read_script(asked.file)
+        source = read_script(asked.file, kit.takes)
         if asked.command == "check":
             check = session.check(source, kit, str(asked.file))
             print(check)
@@ -118,9 +119,11 @@ def find_kit_of(file: Path, question: str | None) -> Kit:
     return find_kit(Path.cwd(), question or file.stem.replace("_", "-"))
 
 
-def read_script(file: Path) -> str:
-    """Returns the text of a script. Raises Sentence."""
+def read_script(file: Path, takes: str = "python") -> str:
+    """Returns the text of a script or a model, or the base64 of a file. Raises Sentence."""
     try:
+        if takes == "npz":
+            return base64.b64encode(file.read_bytes()).decode()
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise Sentence(f"{file} cannot be read: {error}") from None

@@ -15,8 +15,11 @@ FORMAT = 1
 """The version of exercise.json that this client reads."""
 
 DESCRIPTION = "exercise.json"
-OF_THE_LEARNER = (".py", ".ipynb")
-"""Files of a kit that a learner changes: they are never overwritten, but for mjcourse.py."""
+OF_THE_LEARNER = (".py", ".ipynb", ".xml", ".npz")
+"""Files of a kit that a learner changes: they are never overwritten, but for mjcourse.py and models/."""
+
+SUFFIXES = {"python": ".py", "mjcf": ".xml", "npz": ".npz"}
+"""The files that exercises take."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +35,14 @@ class Kit:
         return str(self.exercise["question"])
 
     @property
+    def takes(self) -> str:
+        """What the exercise takes: `python`, `mjcf` or `npz`."""
+        return str(self.exercise.get("takes", "python"))
+
+    @property
     def script(self) -> str:
-        """The path of the script that the learner writes."""
-        return str(self.folder / f"{self.name.replace('-', '_')}.py")
+        """The path of the script, the model or the file that the learner writes."""
+        return str(self.folder / f"{self.name.replace('-', '_')}{SUFFIXES.get(self.takes, '')}")
 
 
 def read_kit(folder: Path) -> Kit:
@@ -92,7 +100,8 @@ def unpack_kit(data: bytes, folder: Path) -> Kit:
                 raise Sentence(f"The kit has a file with an odd name, {name!r}: it was not unpacked.")
         for name in packed.namelist():
             path = folder.joinpath(*PurePosixPath(name).parts[1:])  # the first one is named as the exercise
-            if path.exists() and path.suffix in OF_THE_LEARNER and path.name != "mjcourse.py":
+            is_ours = path.name == "mjcourse.py" or path.parent.name == "models"
+            if path.exists() and path.suffix in OF_THE_LEARNER and not is_ours:
                 continue
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(packed.read(name))

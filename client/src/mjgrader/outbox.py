@@ -15,7 +15,8 @@ from mjgrader.errors import Offline, Refusal, SignInAgain
 
 @dataclass(frozen=True)
 class Waiting:
-    """An answer that the server has not confirmed. `account` tells whose token it was to be sent with."""
+    """An answer that the server has not confirmed: a script or model, or a file in base64, under the name `form`.
+    `account` tells whose token it was to be sent with."""
 
     key: str
     site: str
@@ -24,6 +25,7 @@ class Waiting:
     question: str
     source: str
     at: str
+    form: str = "source"
 
     @property
     def path(self) -> Path:
@@ -31,14 +33,14 @@ class Waiting:
         return find_folder() / "outbox" / f"{self.key}.json"
 
 
-def keep(connection: Connection, quiz: str, question: str, source: str) -> Waiting:
+def keep(connection: Connection, quiz: str, question: str, source: str, form: str = "source") -> Waiting:
     """Writes an answer down. The same one that waits already keeps its key."""
     account = connection.account
     for one in list_waiting(account.site):
         if (one.account, one.quiz, one.question, one.source) == (account.id, quiz, question, source):
             return one
     at = datetime.now(timezone.utc).isoformat(timespec="seconds")  # noqa: UP017 - Python 3.10 has no datetime.UTC
-    waiting = Waiting(str(uuid.uuid4()), account.site, account.id, quiz, question, source, at)
+    waiting = Waiting(str(uuid.uuid4()), account.site, account.id, quiz, question, source, at, form)
     write_private(waiting.path, json.dumps(asdict(waiting)))
     return waiting
 
@@ -57,7 +59,7 @@ def list_waiting(site: str) -> Iterator[Waiting]:
 def deliver(connection: Connection, waiting: Waiting) -> Any:
     """Sends an answer, and returns its submission. It goes on waiting where no response comes, and is forgotten where
     the server refuses it for good. Raises Sentence."""
-    body = {"quiz": waiting.quiz, "question": waiting.question, "answer": {"source": waiting.source}}
+    body = {"quiz": waiting.quiz, "question": waiting.question, "answer": {waiting.form: waiting.source}}
     try:
         submission = connection.post("/submissions", body, **{"Idempotency-Key": waiting.key})
     except Offline as error:

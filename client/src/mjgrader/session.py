@@ -87,7 +87,7 @@ class Session:
         quiz = quiz or self.find_quiz(connection, question)
         data = connection.request("GET", f"/quizzes/{quiz}/questions/{question}/kit").content
         target = Path(folder) if folder is not None else self.folder / question
-        there = {path.name for path in target.glob("*.py")}
+        there = {path.name for path in target.glob("*.*")}
         self.kit = unpack_kit(data, target)
         if (name := Path(self.kit.script).name) in there:
             self.say(f"Your {name} was there, and was kept.")
@@ -119,15 +119,21 @@ class Session:
 
     def check(self, source: str, kit: Kit, file: str = CELLS) -> Check:
         """Judges the visible cases on this machine; tracebacks name `file`. Raises Sentence."""
+        if kit.takes != "python":
+            raise Sentence(
+                f"Only the server judges {kit.name}: hand it in with `mjgrade submit {Path(kit.script).name}`."
+            )
         return check_source(source, kit, file)
 
     def submit(self, source: str, kit: Kit, file: str = CELLS, *, anyway: bool = False, wait: bool = True) -> Answer:
-        """Runs a script in a fresh process, hands it in, and waits for its verdict. Raises Sentence; NotRunning where
-        the script does not run, which uses no attempt, unless `anyway`."""
+        """Runs a script in a fresh process, hands it in, and waits for its verdict. A model is handed in as it is, and
+        so is a file, whose `source` is its base64. Raises Sentence; NotRunning where the script does not run, which
+        uses no attempt, unless `anyway`."""
         connection = self.connect()
-        if not anyway:
+        if not anyway and kit.takes == "python":
             self.rehearse(source, kit, file)
-        waiting = outbox.keep(connection, str(kit.exercise["quiz"]), kit.name, source)
+        key = "file" if kit.takes == "npz" else "source"
+        waiting = outbox.keep(connection, str(kit.exercise["quiz"]), kit.name, source, key)
         outbox.deliver_all(connection, of_others=False, but=waiting)
         self.last = Answer(outbox.deliver(connection, waiting), connection.account.site)
         return self.wait(self.last) if wait else self.last
