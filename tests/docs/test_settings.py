@@ -32,7 +32,7 @@ def test_an_unknown_setting_is_refused_with_the_nearest_name(
 PAGE = Path(__file__).parents[2] / "docs" / "settings.md"
 
 WORDS = {
-    "content": "the checkout's or wheel's own",
+    "content": "the working directory where it has quizzes/, else the checkout's or wheel's own",
     "workers": "one a processor",
     "cache": "`~/.cache/mujoco-grader`",
     "database_url": "SQLite in the data folder",

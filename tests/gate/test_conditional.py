@@ -39,7 +39,8 @@ def on_behalf(site: Site) -> str:
 MADE = {"regrade": regrade_of, "webhook": webhook_of, "behalf": on_behalf}
 
 READS = {
-    "student": ["/me", "/quizzes", "/quizzes/small", "/submissions", "/submissions/{id}", "/submissions/{id}/films"],
+    "student": ["/me", "/quizzes", "/quizzes/small", "/submissions", "/submissions/{id}", "/submissions/{id}/films",
+                "/submissions/{id}/comments"],
     "instructor": [
         "/reviews", "/reviews/disagreements", "/reviews/comments?quiz=small&question=q4", "/submissions/{id}/review",
         "/regrades", "/regrades/{regrade}", "/members", "/invitations", "/tokens", "/course", "/audit",

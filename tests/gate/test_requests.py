@@ -61,7 +61,7 @@ def test_secrets_and_answers_are_not_logged(
     def broken(*_: object, **_named: object) -> None:
         raise RuntimeError("broken")
 
-    monkeypatch.setattr("grader.store.submissions.add", broken)
+    monkeypatch.setattr("grader.courses.answering.results.insert_rows", broken)
     ann.post(f"{API}/submissions", json={"quiz": "small", "question": "q4", "answer": ANSWER})
     told = capsys.readouterr().err
     assert "RuntimeError: broken" in told
@@ -76,7 +76,7 @@ def test_a_failing_statement_is_logged_without_its_values(
     def broken(session: Any, *_: object, **_named: object) -> None:
         session.execute(text("INSERT INTO nowhere VALUES (:answer)"), {"answer": ANSWER})
 
-    monkeypatch.setattr("grader.store.submissions.add", broken)
+    monkeypatch.setattr("grader.courses.answering.results.insert_rows", broken)
     response = ann.post(f"{API}/submissions", json={"quiz": "small", "question": "q4", "answer": "x"})
     told = capsys.readouterr().err
     assert response.status_code == 500

@@ -28,6 +28,7 @@ from grader.gate.admission import PREFIX
 from grader.settings import Settings
 from grader.store import credentials, tickets
 from grader.store.engine.database import Database
+from grader.store.line_comments import LineComment
 from grader.store.outbox import DEAD, Delivery, Destination
 from grader.store.platforms import context_at
 from grader.store.tables import now
@@ -73,6 +74,7 @@ BODIES: dict[str, Any] = {
     "PUT /submissions/{submission_id}/review/second": {"points": 0.5},
     "POST /reviews/comments": {"quiz": "small", "question": "q4", "text": "Well done."},
     "PUT /reviews/comments/{comment_id}": {"text": "Very well done."},
+    "POST /submissions/{submission_id}/comments": {"line": 1, "text": "Why?"},
     "PATCH /members/{member_id}": {"role": "instructor"},
     "POST /invitations": {"names": ["new"]},
     "POST /tokens": {"user": "new", "role": "student"},
@@ -104,13 +106,13 @@ FORMS: dict[str, dict[str, str]] = {
     "POST /instructor/lti/platforms": {**PLATFORM, "client_id": "by a form"},
 }
 
-CONTENT = {"quiz_id", "question_id", "lesson", "attempt", "name", "path"}
+CONTENT = {"quiz_id", "question_id", "lesson", "attempt", "name", "path", "sha256"}
 """Parameters of paths that name nothing of one course: courses may share their content."""
 
 NO_EFFECT = {
     "POST /answers:validate", "POST /labs:run", "POST /reviews:recompute", "POST /quizzes/{quiz_id}/results:recount",
-    "POST /submissions/{submission_id}:stop", "PUT /submissions/{submission_id}/review/second",
-    "POST /lti/contexts/{context_id}:roster",
+    "POST /submissions/{submission_id}:stop", "POST /submissions/{submission_id}/comments",
+    "PUT /submissions/{submission_id}/review/second", "POST /lti/contexts/{context_id}:roster",
     "POST /instructor/review/{submission_id}/lines", "POST /instructor/review/{submission_id}/try",
     "POST /instructor/class/{quiz_id}/{question_id}/comment",
 }  # fmt: skip
@@ -226,6 +228,7 @@ def prepare_things(world: World) -> None:
 
     ids = world.ids
     ids |= {"quiz_id": "small", "question_id": "q4", "lesson": "small", "attempt": "1", "name": "chart", "path": "x"}
+    ids["sha256"] = "0" * 64
     ids["submission_id"] = made(ann, "/submissions", {"quiz": "small", "question": "q4", "answer": "Because."})
     made(tina, "/invitations", {"names": ["victim"]})
     ids["invitation_id"] = ids["invitation"] = made(tina, "/invitations", {"names": ["guest"]})
@@ -242,7 +245,9 @@ def prepare_things(world: World) -> None:
         context = context_at(session, int(ids["platform_id"]), "deployment", "context", "Robotics")
         context.wanted = DEFAULT_COURSE
         dead = [dead_letter(world, question) for question in ("q1", "q2")]
-        session.add_all(dead)
+        of = {"course": DEFAULT_COURSE, "submission_id": ids["submission_id"]}
+        line_comment = LineComment(**of, line=1, text="Why?", author=members["tina"], name="tina")
+        session.add_all([*dead, line_comment])
         session.flush()
         device = devices.begin(session, "a laptop")
         tickets.change(
@@ -254,6 +259,7 @@ def prepare_things(world: World) -> None:
             role=Role.STUDENT,
         )
         ids["device_code"] = device.device_code
+        ids["line_comment_id"] = line_comment.id
         ids["context_id"], ids["delivery_id"] = str(context.id), str(dead[0].id)
 
 

@@ -33,6 +33,7 @@ def test_a_release_is_built_alike_twice_and_passes_its_checks(built: list[Path])
         check_files(path)
     names = {name for name, _ in read_members(built[1])}
     assert {"grader/material/quizzes/1.3-check.json", "grader/web/static/page.js", "grader/py.typed"} <= names
+    assert {f"grader/labs/kinds/simlab/lab.{ending}" for ending in ("html", "js")} <= names
     assert {name.split("/")[0].split("-")[0] for name in names} == {"grader", "mujoco_grader"}
 
 

@@ -18,7 +18,10 @@ from support.sites import ROOT, open_site
 
 SOURCES = str(Path(grader.__file__).parent)
 
-LIMITS = {"choice": (20, 72), "number": (26, 92), "typed number": (28, 102), "script": (23, 82)}
+SERVER = "/service/serving.py"
+"""Stands where uvicorn stands: what it sends is no part of the walk."""
+
+LIMITS = {"choice": (20, 74), "number": (26, 94), "typed number": (28, 104), "script": (25, 86)}
 """How many modules and moves an answer has at most: a choice that others have given, a right number, a wrong one that
 was typed with a unit, which is read and searched for slips, and a script until it is queued.
 """
@@ -40,7 +43,7 @@ class Walk:
     def follow(self, frame: FrameType, event: str, _arg: Any) -> None:
         """Notes an event of a thread, as `sys.setprofile` tells it."""
         code, at = frame.f_code, frame.f_lasti
-        if not code.co_filename.startswith(SOURCES) or event not in ("call", "return"):
+        if not is_walked(code.co_filename) or event not in ("call", "return"):
             return
         if is_waiting(code.co_code[at], code.co_code[at + 1]):
             return
@@ -57,6 +60,11 @@ class Walk:
         return not sum(self._open)
 
 
+def is_walked(file: str) -> bool:
+    """Whether the code of a file belongs to the walk."""
+    return file.startswith(SOURCES) and not file.endswith(SERVER)
+
+
 def is_waiting(operation: int, argument: int) -> bool:
     """Whether code is left or entered at a `yield` or an `await`, where Python 3.11 stands at the one or the other of
     two instructions, and 3.13 always at the second. `RESUME 0` begins a function."""
@@ -66,7 +74,7 @@ def is_waiting(operation: int, argument: int) -> bool:
 def module_of_caller(frame: FrameType) -> str | None:
     """The next module of ours that is on the stack; None where a library called us."""
     caller = frame.f_back
-    while caller is not None and not caller.f_code.co_filename.startswith(SOURCES):
+    while caller is not None and not is_walked(caller.f_code.co_filename):
         caller = caller.f_back
     return None if caller is None else caller.f_code.co_filename.removeprefix(SOURCES)
 

@@ -60,7 +60,7 @@ def outside(tmp_path: Path) -> dict[str, str]:
 def test_the_wheel_has_every_file_of_the_content(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     packed = {name.removeprefix("grader/material/") for name in names if name.startswith("grader/material/")}
-    folders = ("quizzes", "models", "reference_solutions")
+    folders = ("quizzes", "lessons", "models", "reference_solutions")
     ours = {
         path.relative_to(ROOT).as_posix()
         for folder in folders

@@ -13,7 +13,15 @@ import httpx
 
 from grader.library import load
 from support.databases import database_url
-from support.queue_kills import client_of, kill_grading_process, process_of, settings_on, verdicts_of, wait_until_ready
+from support.queue_kills import (
+    client_of,
+    kill_grading_process,
+    process_of,
+    settings_on,
+    verdicts_of,
+    wait_for,
+    wait_until_ready,
+)
 from support.sites import ROOT
 
 API = "/api/v1"
@@ -90,6 +98,7 @@ def test_a_worker_without_the_content_grades_by_that_of_each_submission(tmp_path
             assert teacher.post(f"{API}/content:reload").status_code == 200
             after, new = hand_in(ann, "servo-threshold"), hand_in(ann, "servo-again")
             with process_of("worker", working) as worker:
+                wait_for(lambda: ann.get(f"{API}/submissions/{before}").json()["status"] != "queued")
                 kill_grading_process(worker.pid, random.Random(1))
                 time.sleep(1)
                 os.kill(worker.pid, signal.SIGKILL)

@@ -14,6 +14,7 @@ from sqlalchemy import text, update
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
+from grader.domain.progress import TrialProgress
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Unprocessable
 from grader.grading.content import Archive
@@ -100,23 +101,26 @@ def test_the_case_of_a_script_is_told_while_it_runs_and_not_after(database: Data
 
     def tell(case: int) -> None:
         with database.write() as session:
-            submissions.tell_case(session, submission_id, case, 7)
+            submissions.tell_case(
+                session, submission_id, case, 7, TrialProgress(2, 1000, "episode") if case > 2 else None
+            )
 
-    def told() -> tuple[int, int] | None:
+    def told() -> str | None:
         with database.read() as session:
-            return submissions.case_now(session, submission_id)
+            at = submissions.case_now(session, submission_id)
+            return None if at is None else at.words
 
     def grade(_: Submission) -> Verdict:
         assert told() is None
         tell(1)
         tell(3)
-        assert told() == (3, 7)
+        assert told() == "case 3 of 7, episode 2 of 1000"
         return GOOD
 
     tell(1)  # it waits: there is nothing to tell
     a_worker(database, grade).do_one()
     tell(4)
-    assert state(database, submission_id)[1] == ["queued", "running", "case 1 of 7", "case 3 of 7", "graded"]
+    assert state(database, submission_id)[1] == ["queued", "running", "case 1 of 7", "3/7 ep 2/1000", "graded"]
     assert told() is None
 
 

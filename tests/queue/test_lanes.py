@@ -8,6 +8,7 @@ from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
+from structlog.testing import capture_logs
 
 from grader.grading.pipeline import Retries
 from grader.queue import jobs
@@ -116,3 +117,45 @@ def test_a_claim_leaves_other_topics_alone(database: Database) -> None:
             jobs.put(session, topic, topic, share="one")
         found = [jobs.claim(session, 1, topics) for topics in ((jobs.DELIVER, jobs.PRUNE), (jobs.GRADE,))]
         assert [one and one.topic for one in found] == [jobs.DELIVER, jobs.GRADE]
+
+
+def test_a_claim_of_no_topics_finds_nothing(database: Database) -> None:
+    with database.write() as session:
+        jobs.put(session, jobs.GRADE, "script", share="ann")
+        assert jobs.claim(session, 1, ()) is None
+    assert not Worker(database, {}, 1, Retries(3)).do_one()
+
+
+def test_only_the_threads_of_their_own_do_jobs_that_wait_for_others(database: Database) -> None:
+    """A lane without topics claimed jobs of any, and failed in a worker without tasks."""
+    delivering = Noting()
+    worker = Worker(database, {jobs.DELIVER: delivering}, threads=2, retries=Retries(3), others=1)
+    with database.write() as session:
+        jobs.put_all(session, jobs.DELIVER, ["one", "two", "three"], share="receiver")
+    worker.start()
+    try:
+        wait_for(lambda: count_running(database) == 1)
+        time.sleep(0.2)
+        assert count_running(database) == 1
+        delivering.may_end.set()
+        wait_for(lambda: len(delivering.done) == 3)
+        assert worker.alive
+    finally:
+        delivering.may_end.set()
+        worker.stop()
+
+
+def test_a_worker_without_tasks_lives_and_logs_no_fault(database: Database) -> None:
+    worker = Worker(database, {}, 1, Retries(3))
+    with capture_logs() as logs:
+        worker.start()
+        worker.wake()
+        time.sleep(0.2)
+        assert worker.alive
+        worker.stop()
+    assert [one for one in logs if one["log_level"] in ("error", "warning")] == []
+
+
+def count_running(database: Database) -> int:
+    with database.read() as session:
+        return len(jobs.list_owned(session))

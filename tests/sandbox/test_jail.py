@@ -190,9 +190,9 @@ def run(student, inputs, submit):
     assert value(run(jail, "from mujoco import mj_step", driver)) == [7]
 
 
-def test_a_source_of_256_kb(jail: Jail) -> None:
+def test_a_module_of_512_kb(jail: Jail) -> None:
     line = "x = 1  # padding padding padding padding padding padding\n"
-    source = line * (256 * 1024 // len(line) - 1) + "def main():\n    return [x]\n"
+    source = line * (512 * 1024 // len(line) - 1) + "def main():\n    return [x]\n"
     assert value(run(jail, source)) == [1]
     assert run(jail, source + line * 2).status is RunStatus.CRASHED
 

@@ -30,7 +30,8 @@ def test_a_worker_waits_for_its_database_and_says_so(tmp_path: Path) -> None:
     log = tmp_path / "log"
     with database_url("postgresql", tmp_path) as url, cable_to(url) as (cable, through):
         cable.cut()
-        with log.open("wb") as lines, process_of("worker", settings_on(through, tmp_path), log=lines) as worker:
+        log.touch()
+        with process_of("worker", settings_on(through, tmp_path), log=log) as worker:
             wait_for(lambda: "waiting for the database" in log.read_text() or worker.poll() is not None)
             assert worker.poll() is None
             cable.mend()
@@ -53,7 +54,8 @@ def test_a_process_that_waits_for_its_database_ends_on_sigterm(command: str, tmp
     log = tmp_path / "log"
     with database_url("postgresql", tmp_path) as url, cable_to(url) as (cable, through):
         cable.cut()
-        with log.open("wb") as lines, process_of(command, settings_on(through, tmp_path), log=lines) as waiting:
+        log.touch()
+        with process_of(command, settings_on(through, tmp_path), log=log) as waiting:
             wait_for(lambda: "waiting for the database" in log.read_text() or waiting.poll() is not None)
             waiting.terminate()
             waiting.wait(START_S)

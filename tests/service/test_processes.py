@@ -74,7 +74,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     with database_url("postgresql", folder) as url, pytest.MonkeyPatch.context() as patch:
         patch.setenv("GRADER_PROCESSES", "2")
         settings = settings_on(url, folder, workers=1).model_copy(update={"processes": 2})
-        with (folder / "log").open("w+b") as log, process_of("serve", settings, log=log) as process:
+        with process_of("serve", settings, log=folder / "log") as process:
             wait_until_ready(process, settings)
             one = Served(process.pid, settings)
             wait_for(lambda: len(one.servers()) == 2)

@@ -1,6 +1,9 @@
 """The queue before a deadline: closed forms of queueing theory, the order of the real queue, and the real server."""
 
 import random
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from functools import cache
 from itertools import accumulate
 from math import factorial
 from pathlib import Path
@@ -27,6 +30,7 @@ from grader.studies.bench.service.deadline import (
     summarise_script,
 )
 from grader.studies.bench.service.queueing import Arrival, TurnQueue, count_processes, simulate_queue
+from grader.studies.bench.service.submitting import Client, serve_clients
 from grader.studies.bench.study import Measurement
 from support.databases import BACKENDS, open_database
 
@@ -168,9 +172,21 @@ def test_times_have_the_digits_that_an_operator_needs(time_s: float, shown: str)
 
 @pytest.mark.slow
 def test_the_study_measures_the_real_server(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(deadline, "REHEARSING", 3)
-    keys: list[Measurement] = [Capacity("reference"), Footprint(1), Footprint(2), Rehearsal("reference")]
-    records = {key: key.measure(True, {}) for key in keys}
+    monkeypatch.setattr(deadline, "REHEARSING", 2)
+    monkeypatch.setattr(deadline, "CORES", 1)
+    keys: list[Measurement] = [Footprint(1), Footprint(2), Capacity("reference"), Rehearsal("reference")]
+    with ExitStack() as servers:
+
+        @cache
+        def start(workers: str) -> list[Client]:
+            return servers.enter_context(serve_clients(2, GRADER_WORKERS=workers))
+
+        @contextmanager
+        def share(students: int, **environment: str) -> Iterator[list[Client]]:
+            yield start(environment["GRADER_WORKERS"])[:students]
+
+        monkeypatch.setattr(deadline, "serve_clients", share)
+        records = {key: key.measure(True, {}) for key in keys}
     summary, found = summarise(records), records[keys[-1]]
     assert summary["scripts"]["reference"]["cpu_s"] > 0
     assert 50 < summary["memory_mb"]["process"] < 500

@@ -1,7 +1,6 @@
 """A real browser, a platform and a grader on two sites: in a frame, with the platform's storage, and in a new tab."""
 
 import json
-import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from platforms.certificates import contexts
 from platforms.platform import AGS, AGS_SCOPE, CLAIM, INSTRUCTOR, Platform, selection_claims
 from support.proxies import free_port
 from support.servers import serving
-from web.browsing import Chromium, chromium
+from web.browsing import Chromium, bounded, chromium
 
 PATIENCE_MS = 30_000
 expect.set_options(timeout=PATIENCE_MS)
@@ -43,9 +42,6 @@ addEventListener("message", (event) => {
 """
 """The frame in which a platform keeps values for its tools."""
 
-
-TEST_S = 120.0
-"""The longest that a test may take [s]: some calls to a browser that hangs would wait for ever."""
 
 OPTIONS = (
     "--host-resolver-rules=MAP *.test 127.0.0.1",
@@ -165,20 +161,10 @@ def register(app: FastAPI, platform: Platform) -> None:
 
 
 @pytest.fixture(autouse=True)
-def bounded(world: World) -> Iterator[None]:
-    """Ends a test that hangs, with words."""
-    late = threading.Event()
-
-    def end() -> None:
-        late.set()
-        world.browser.kill()
-
-    timer = threading.Timer(TEST_S, end)
-    timer.start()
-    yield
-    timer.cancel()
-    timer.join()
-    assert not late.is_set(), f"the browser hung: it was killed after {TEST_S:g} s"
+def limit() -> Iterator[None]:
+    """No launch hangs for ever."""
+    with bounded():
+        yield
 
 
 def of_learner(world: World, subject: str, *, cookieless: bool = False) -> None:
