@@ -63,7 +63,7 @@ build/wasm/node_modules: tests/labs/wasm/package-lock.json
 test-fast: $(DEVELOPING) ## the tests without jail, browser, PostgreSQL, Node and lint: a minute
 	$(BIN)/python -m pytest -q -n 2 $(TOGETHER) -m fast
 
-test-pythons: $(DEVELOPING) ## the fast tests on the other Pythons that are here, and the keys on the newest
+test-pythons: $(DEVELOPING) ## the fast tests on the other Pythons that are here, and `grader check` on the newest
 	@.ci/pythons
 
 check: install ## every answer key re-derived, every reference solution graded
