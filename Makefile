@@ -18,6 +18,7 @@ endif
 BIN := $(VENV)/bin
 # How often a test that fails is run again; the summary names it. None but in CI, where nobody can look at the machine.
 RERUNS ?= 0
+AGAIN := $(if $(filter-out 0,$(RERUNS)),--reruns $(RERUNS))
 # Processes share the tests file by file, as these share their server. Three on two cores, since tests also wait; fast
 # ones do not, and each process takes ten seconds to import them all.
 TOGETHER := --dist loadfile --no-loadscope-reorder
@@ -50,7 +51,7 @@ test: install ## the whole test suite: lint, types, layers, jail, database, brow
 	@.ci/system-packages chromium-headless-shell:chromium-headless-shell node:nodejs npm:npm nginx:nginx openssl:openssl \
 		caddy:caddy zsh:zsh docker-compose:docker-compose pgbouncer:pgbouncer systemd-analyze:systemd pg_dump:postgresql-client
 	@$(MAKE) --no-print-directory wasm || echo 'Without the WASM build of MuJoCo the comparison in tests/labs fails.'
-	$(BIN)/python -m pytest -n 3 $(TOGETHER) $(if $(filter-out 0,$(RERUNS)),--reruns $(RERUNS))
+	$(BIN)/python -m pytest -n 3 $(TOGETHER) $(AGAIN)
 
 wasm: build/wasm/node_modules ## the official WASM build of MuJoCo, with which tests/labs compares
 
@@ -61,7 +62,7 @@ build/wasm/node_modules: tests/labs/wasm/package-lock.json
 	@touch $@
 
 test-fast: $(DEVELOPING) ## the tests without jail, browser, PostgreSQL, Node and lint: a minute
-	$(BIN)/python -m pytest -q -n 2 $(TOGETHER) -m fast
+	$(BIN)/python -m pytest -q -n 2 $(TOGETHER) -m fast $(AGAIN)
 
 test-pythons: $(DEVELOPING) ## the fast tests on the other Pythons that are here, and `grader check` on the newest
 	@.ci/pythons
