@@ -164,15 +164,20 @@ def test_the_server_as_a_program(content: Path, tmp_path: Path) -> None:
     assert token.split("_")[2] not in told
 
 
-def test_a_server_that_refuses_its_content_leaves_nothing_behind(content: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("processes", [1, 2])
+def test_a_server_that_refuses_its_content_leaves_nothing_behind(
+    content: Path, tmp_path: Path, processes: int
+) -> None:
     """Its grading processes have begun before the content is read."""
     (content / "quizzes" / "small.json").write_text("{")
     (tmp_path / "tmp").mkdir()
     environment = {**os.environ, "GRADER_CONTENT": str(content), "GRADER_WORKERS": "1", "TMPDIR": str(tmp_path / "tmp")}
+    environment["GRADER_PROCESSES"] = str(processes)
     command = [str(Path(sys.executable).parent / "grader"), "serve", "--port", "0", "--data", str(tmp_path / "data")]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 2
     assert "quizzes/small.json" in done.stderr
+    assert "Not started" in done.stderr
     assert list((tmp_path / "tmp").iterdir()) == []
 
 

@@ -12,6 +12,8 @@ from support.command_line import grader
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/first-exercise.md").read_text(encoding="utf-8")
 FILES = re.findall(r"`([\w./-]+\.\w+)`:\n\n```(?:xml|json|markdown|python)\n(.*?)^```", PAGE, re.DOTALL | re.M)
+WRONG = "reference_solutions/1.1-exercises/distance/incorrect__no_half.py"
+EXERCISE = FILES[:6]
 
 
 @pytest.fixture
@@ -19,6 +21,9 @@ def course(tmp_path: Path) -> Path:
     """The course after the steps of the page."""
     folder = tmp_path / "friction"
     assert grader("new", "course", str(folder)).returncode == 0
+    assert grader("new", "exercise", "values", "1.1-exercises/distance", "--in", str(folder)).returncode == 0
+    begun = {str(file.relative_to(folder)) for file in folder.rglob("*.*") if file.is_file()}
+    assert {name for name, _ in EXERCISE} - begun == {"programs/no_half.py", WRONG}, "files that the page calls new"
     for name, text in FILES:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")

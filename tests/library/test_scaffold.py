@@ -74,6 +74,16 @@ def test_an_exercise_comes_with_a_reference_program(course: Path, kind: str) -> 
     assert (course / "models").is_dir()
 
 
+def test_a_named_exercise_begins_its_quiz_and_names_its_files(course: Path) -> None:
+    done = grader("new", "exercise", "values", "1.1-exercises/distance", "--in", str(course))
+    reference = "reference_solutions/1.1-exercises/distance/correct__example.py"
+    named = ["quizzes/1.1-exercises.json", "starters/distance.py", "programs/distance.py", reference]
+    assert done.stdout.split() == [str(course / name) for name in named]
+    library = load(course)
+    assert [question.id for question in library.quiz("1.1-exercises").questions] == ["distance"]
+    assert library.quiz("1.1-exercises").title == "Exercises"
+
+
 def test_a_lesson_is_added(course: Path) -> None:
     assert grader("new", "lesson", "2.1-check", "--title", "Contact", "--in", str(course)).returncode == 0
     assert load(course).quiz("2.1-check").title == "Contact"
@@ -88,7 +98,10 @@ def test_what_is_there_stays(course: Path) -> None:
         ("name a new folder", "course", str(course)),
         ("1.1-check.json is there already", "lesson", "1.1-check", "--in", str(course)),
         ("is no id", "lesson", "a lesson", "--in", str(course)),
-        ("There is no quiz '9.9'", "question", "mcq", "9.9", "--in", str(course)),
+        ("is no id", "question", "mcq", "no id", "--in", str(course)),
+        ("is no id", "question", "mcq", "1.1-check/", "--in", str(course)),
+        ("has a question 'mcq' already", "question", "numeric", "1.1-check/mcq", "--in", str(course)),
+        ("There is no quiz '9.9'", "lab", "simlab", "9.9", "--in", str(course)),
         ("no kind of question 'quiz'", "question", "quiz", "1.1-check", "--in", str(course)),
         ("there are examples of", "exercise", "quiz", "1.1-check", "--in", str(course)),
         ("rename it first", "exercise", "threshold", "1.1-check", "--in", str(course)),

@@ -12,6 +12,9 @@ cli = typer.Typer(help="Begin content that passes `grader check` at once, for yo
 
 Folder = Annotated[Path, typer.Option("--in", help="The content folder.")]
 Markdown = Annotated[bool, typer.Option("--markdown", help="Write the quiz as Markdown, not as JSON.")]
+Place = Annotated[
+    str, typer.Argument(metavar="QUIZ[/ID]", help="The quiz that gets it, begun if it is not there, and the question's id.")
+]
 HERE = Path()
 
 
@@ -42,7 +45,7 @@ def lesson(
 @cli.command()
 def question(
     kind: Annotated[str, typer.Argument(help="mcq, numeric, predict, open, order, ...")],
-    quiz: Annotated[str, typer.Argument(help="The quiz that gets it.")],
+    quiz: Place,
     folder: Folder = HERE,
 ) -> None:
     """A question of a kind, at the end of a quiz."""
@@ -54,7 +57,7 @@ def question(
 @cli.command()
 def exercise(
     kind: Annotated[str, typer.Argument(help="threshold, rk4, values, ...")],
-    quiz: Annotated[str, typer.Argument(help="The quiz that gets it.")],
+    quiz: Place,
     folder: Folder = HERE,
 ) -> None:
     """An exercise of a kind, with a starter and a reference program that is right."""

@@ -45,33 +45,53 @@ def begin_course(root: Path, *, as_markdown: bool = False) -> list[Path]:
 def begin_quiz(root: Path, quiz: str, title: str, *, as_markdown: bool = False) -> list[Path]:
     """Makes a quiz of one question, as JSON or Markdown. Returns the files. Raises Conflict where its file is there,
     and Unprocessable for a name that is no id."""
-    try:
-        Quiz.model_validate({"id": quiz, "title": title})
-    except ValueError as error:
-        raise Unprocessable(
-            f"{quiz!r} is no id: 1 to 64 letters, digits, dots, dashes and underscores, such as 2.1-check"
-        ) from error
-    document = {"$schema": f"../{SCHEMA}", "id": quiz, "title": title, "questions": []}
     if there := next((file for file in list_quiz_files(root) if Path(file).stem == quiz), None):
         raise Conflict(f"{root / there} is there already: add to it, or choose another id")
-    if as_markdown:
-        written = write_files(root, {f"quizzes/{quiz}.md": write_markdown({"id": quiz, "title": title}).encode()})
-    else:
-        schema = {} if (root / SCHEMA).exists() else {SCHEMA: f"{json.dumps(build_quiz_schema(), indent=1)}\n".encode()}
-        written = write_files(root, {**schema, f"quizzes/{quiz}.json": write_json(document).encode()})
+    written = begin_empty_quiz(root, quiz, title, as_markdown=as_markdown)
     add_question(root, quiz, "mcq")
     return written
 
 
+def begin_empty_quiz(root: Path, quiz: str, title: str, *, as_markdown: bool = False) -> list[Path]:
+    """Makes a quiz without questions, and the schema for editors. Returns the files. Raises Unprocessable for a name
+    that is no id."""
+    require_id(quiz)
+    if as_markdown:
+        return write_files(root, {f"quizzes/{quiz}.md": write_markdown({"id": quiz, "title": title}).encode()})
+    schema = {} if (root / SCHEMA).exists() else {SCHEMA: f"{json.dumps(build_quiz_schema(), indent=1)}\n".encode()}
+    document = {"$schema": f"../{SCHEMA}", "id": quiz, "title": title, "questions": []}
+    return write_files(root, {**schema, f"quizzes/{quiz}.json": write_json(document).encode()})
+
+
 def add_question(root: Path, quiz: str, kind: str) -> list[Path]:
-    """Adds a question of a kind to a quiz. Returns the files that were written. Raises NotFound, Conflict."""
-    return add_sample(root, quiz, find_sample(kind))
+    """Adds a question of a kind to a quiz, named as QUIZ or QUIZ/ID. Returns the files that were written. Raises
+    NotFound, Conflict."""
+    return add_to_quiz(root, quiz, find_sample(kind), "Knowledge check")
 
 
 def add_exercise(root: Path, quiz: str, kind: str) -> list[Path]:
-    """Adds an exercise of a kind to a quiz, with a reference program that is right. Returns the files that were
-    written. Raises NotFound, Conflict."""
-    return add_sample(root, quiz, find_exercise(kind))
+    """Adds an exercise of a kind to a quiz, named as QUIZ or QUIZ/ID, with a reference program that is right. Returns
+    the files that were written. Raises NotFound, Conflict."""
+    return add_to_quiz(root, quiz, find_exercise(kind), "Exercises")
+
+
+def add_to_quiz(root: Path, named: str, sample: Sample, title: str) -> list[Path]:
+    """Adds a question to a quiz, named as QUIZ or QUIZ/ID; begins a quiz that is not there. A question that is named
+    names its starter and its program too. Returns the files that were written. Raises as `add_sample`."""
+    quiz, slash, id_ = named.partition("/")
+    if slash:
+        require_id(id_)
+        sample = name_sample(sample, id_)
+    try:
+        _, document = find_quiz(root, quiz)
+    except NotFound:
+        as_markdown = any(map(is_markdown, list_quiz_files(root)))
+        begun, document = begin_empty_quiz(root, quiz, title, as_markdown=as_markdown), {}
+    else:
+        begun = []
+    if slash and choose_id(id_, document.get("questions", [])) != id_:
+        raise Conflict(f"{quiz} has a question {id_!r} already: choose another id")
+    return list(dict.fromkeys((*begun, *add_sample(root, quiz, sample))))
 
 
 def add_lab(root: Path, quiz: str, kind: str) -> list[Path]:
@@ -152,8 +172,21 @@ def list_shipped() -> Iterator[Sample]:
                 yield Sample(question, dict(files), right[1])
 
 
+def name_sample(sample: Sample, id_: str) -> Sample:
+    """Returns a sample whose question has this id, with its starter and its program in files of that name."""
+    question = {**sample.question, "id": id_, "check": dict(sample.question.get("check", {}))}
+    files = dict(sample.files)
+    for part, key in ((question, "starter"), (question["check"], "program")):
+        if (path := part.get(key)) in files:
+            part[key] = str(Path(path).with_name(id_ + Path(path).suffix))
+            files[part[key]] = files.pop(path)
+    if not question["check"]:
+        del question["check"]
+    return Sample(question, files, sample.right)
+
+
 def add_sample(root: Path, quiz: str, sample: Sample) -> list[Path]:
-    """Adds a question to a quiz, with an id of its own. Returns the files that were written. Raises NotFound without
+    """Adds a question to a quiz, with an id that no other has. Returns the files that were written. Raises NotFound without
     such a quiz, ContentError where its file cannot be read, and Conflict where a file of another text is there."""
     file, document = find_quiz(root, quiz)
     named = sample.question.get("id") or sample.question["kind"]
@@ -173,6 +206,16 @@ def add_sample(root: Path, quiz: str, sample: Sample) -> list[Path]:
         text = write_json(document)
     (root / file).write_text(text, encoding="utf-8")
     return [root / file, *written]
+
+
+def require_id(name: str) -> None:
+    """Raises Unprocessable for a name that is no id."""
+    try:
+        Quiz.model_validate({"id": name, "title": name})
+    except ValueError as error:
+        raise Unprocessable(
+            f"{name!r} is no id: 1 to 64 letters, digits, dots, dashes and underscores, such as 2.1-check"
+        ) from error
 
 
 def choose_id(named: str, parts: list[Any]) -> str:

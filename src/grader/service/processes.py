@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import structlog
 
+from grader.errors import ContentError
 from grader.logs import is_json, log_to_stderr
 from grader.metrics import FOLDER, shared_folder
 from grader.service.accounts import tell_addresses
@@ -180,6 +181,9 @@ def serve_alone(settings: Settings) -> None:
             from grader.service.serving import run_app
 
             run_app(bound, listener, partial(tell_that_ready, bound), graders)
+        except ContentError:
+            print("Not started. What must be mended first:", file=sys.stderr)
+            raise
         finally:
             graders.close()
 
@@ -221,6 +225,7 @@ def supervise(children: Sequence[Child], stopping: threading.Event, settings: Se
         return 0
     for child, is_ready in alive.items():
         if not is_ready:
+            print("Not started: mend what is named above, then start again.", file=sys.stderr)
             return child.exit_status
     tell_addresses(settings, children[-1].report)
     keepers = [threading.Thread(target=child.keep_running) for child in children]
