@@ -15,6 +15,7 @@ import httpx
 import pytest
 
 from grader.settings import Settings
+from support.databases import database_url
 from support.sites import Site
 from support.tokens import issue_token
 
@@ -164,17 +165,17 @@ def test_the_server_as_a_program(content: Path, tmp_path: Path) -> None:
     assert token.split("_")[2] not in told
 
 
-@pytest.mark.parametrize("processes", [1, 2])
-def test_a_server_that_refuses_its_content_leaves_nothing_behind(
-    content: Path, tmp_path: Path, processes: int
-) -> None:
-    """Its grading processes have begun before the content is read."""
+@pytest.mark.parametrize("database", ["sqlite", "postgresql"])
+def test_a_server_that_refuses_its_content_leaves_nothing_behind(content: Path, tmp_path: Path, database: str) -> None:
+    """Its grading processes have begun before the content is read. On PostgreSQL it has two processes."""
     (content / "quizzes" / "small.json").write_text("{")
     (tmp_path / "tmp").mkdir()
-    environment = {**os.environ, "GRADER_CONTENT": str(content), "GRADER_WORKERS": "1", "TMPDIR": str(tmp_path / "tmp")}
-    environment["GRADER_PROCESSES"] = str(processes)
     command = [str(Path(sys.executable).parent / "grader"), "serve", "--port", "0", "--data", str(tmp_path / "data")]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=120)
+    with database_url(database, tmp_path) as url:
+        chosen = {"CONTENT": content, "DATABASE_URL": url, "WORKERS": 1, "PROCESSES": 1 if database == "sqlite" else 2}
+        environment = {**os.environ, **{f"GRADER_{name}": str(value) for name, value in chosen.items()}}
+        environment["TMPDIR"] = str(tmp_path / "tmp")
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 2
     assert "quizzes/small.json" in done.stderr
     assert "Not started" in done.stderr

@@ -14,7 +14,7 @@ from grader.exercises.episodes.goals import bound_success
 from grader.exercises.kind import Content
 from grader.exercises.kinds.threshold.parameters import ThresholdParameters
 from grader.exercises.luck import DRAWS, compute_chance_of_part, select_boxes
-from grader.exercises.planning import build_case_trials, refuse_text
+from grader.exercises.running.planning import build_case_trials, refuse_text
 from grader.grading.checking import ContentCheck
 from grader.grading.pipeline import compute_digest, compute_seed, to_canonical_json
 from grader.library import Library

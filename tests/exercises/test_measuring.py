@@ -26,7 +26,7 @@ from grader.exercises import (
     plan_exercise,
 )
 from grader.exercises.kind import CPU_S_MAX
-from grader.exercises.measuring import limit_cpu
+from grader.exercises.running.measuring import limit_cpu
 from grader.grading.pipeline import Pipeline
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion

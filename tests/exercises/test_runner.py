@@ -30,10 +30,10 @@ from grader.exercises import (
     judge_exercise,
     load_kinds,
     plan_exercise,
-    planning,
     write_lazy_answers,
 )
 from grader.exercises.driving import recorder
+from grader.exercises.running import planning
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 from support.kinds import install_kinds

@@ -16,13 +16,13 @@ from hypothesis import strategies as st
 
 from grader.domain.run import Job, Limits, RunReport
 from grader.domain.verdict import Status, Verdict
-from grader.exercises import diagnosing, runner
-from grader.exercises.diagnosing import gather_evidence
 from grader.exercises.explaining.claims import CLAIMS, Evidence, correct_sentence, find_untrue
 from grader.exercises.explaining.script import Script
 from grader.exercises.kinds.threshold.judging.judge import Bracket
 from grader.exercises.kinds.threshold.search_trace import read_search
 from grader.exercises.kinds.values.mutants.edits import make_edits
+from grader.exercises.running import diagnosing, runner
+from grader.exercises.running.diagnosing import gather_evidence
 from grader.grading.pipeline import Pipeline
 from grader.library import load
 from grader.numerics.stability.horizon import warns_within

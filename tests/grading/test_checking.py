@@ -11,7 +11,7 @@ import pytest
 from grader.commands.grade import open_pipeline
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Fault, NotFound
-from grader.exercises.lazy import ODD
+from grader.exercises.running.lazy import ODD
 from grader.grading.checking import ContentCheck, check_content
 from grader.grading.references import ReferenceProgram, read_demand
 from grader.grading.selection import Selection

@@ -17,7 +17,7 @@ from grader.domain import lab as parts
 from grader.domain.lab import LabConfig
 from grader.errors import Fault
 from grader.labs import LabRun, check_lab, run_lab
-from grader.library.mjcf import flattened
+from grader.library.checking.mjcf import flattened
 from labs.made_up import FINGER, LABS, MadeUp
 
 ROOT = Path(__file__).parents[2]

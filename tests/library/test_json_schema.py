@@ -8,9 +8,9 @@ import pytest
 from jsonschema import Draft202012Validator
 from pydantic import ValidationError
 
-from grader.exercises.planning import load_kinds, read_parameters
+from grader.exercises.running.planning import load_kinds, read_parameters
+from grader.library.checking.schema import read_quiz
 from grader.library.json_schema import build_quiz_schema
-from grader.library.schema import read_quiz
 from grader.questions import Question
 from grader.questions.kinds.script import ScriptQuestion
 from library.mutations import contents, list_mutations, mutate

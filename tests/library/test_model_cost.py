@@ -7,7 +7,7 @@ import pytest
 
 from grader.errors import ContentError
 from grader.library import load
-from grader.library.model_cost import explain_cost
+from grader.library.checking.model_cost import explain_cost
 
 COPIED = '<replicate count="100">'
 SPHERE = '<geom size="1"/>'

@@ -15,9 +15,10 @@ import pytest
 from grader.certify.keys import certify_quizzes, find_refused_keys
 from grader.errors import Fault, NotFound
 from grader.exercises import GROUP, TextOf
-from grader.library import PassedChecks, load, passed
-from grader.library.passed import AGE_S, digest_code, list_code
-from grader.library.semantics import _part_faults
+from grader.library import PassedChecks, load
+from grader.library.checking import passed
+from grader.library.checking.passed import AGE_S, digest_code, list_code
+from grader.library.checking.semantics import _part_faults
 from support.sites import ROOT
 
 
@@ -134,7 +135,7 @@ def test_the_shipped_content_is_the_same_with_and_without(
         return [library.digests, library.texts, library.warnings, library.sources, told]
 
     cold, first = derive(PassedChecks()), derive(checks)
-    for name in ("grader.library.semantics._part_faults", "grader.certify.keys.certify_key"):
+    for name in ("grader.library.checking.semantics._part_faults", "grader.certify.keys.certify_key"):
         monkeypatch.setattr(name, lambda *_: pytest.fail("what has passed is computed again"))
     assert cold == first == derive(checks)
 
@@ -170,7 +171,7 @@ def test_a_false_key_and_a_broken_lab_are_refused_after_all_has_passed(
         tried.append(part)
         return _part_faults(part, *rest)
 
-    monkeypatch.setattr("grader.library.semantics._part_faults", try_part)
+    monkeypatch.setattr("grader.library.checking.semantics._part_faults", try_part)
     model = content / "models" / "pendulum_servo.xml"
     model.write_text(model.read_text().replace("<mujoco", "<!-- another --><mujoco", 1))
     load(content, passed=checks)

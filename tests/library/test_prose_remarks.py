@@ -2,7 +2,7 @@
 
 import pytest
 
-from grader.library.prose_remarks import list_prose_remarks
+from grader.library.checking.prose_remarks import list_prose_remarks
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,8 @@ from typing import Any
 
 import pytest
 
-from grader.exercises import authored, lazy, luck, planning, rehearsing, runner, visible
+from grader.exercises import luck, rehearsing, visible
+from grader.exercises.running import authored, lazy, planning, runner
 
 
 def install_kinds(monkeypatch: pytest.MonkeyPatch, **kinds: Any) -> None:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grader.exercises import load_kinds, trials
+from grader.exercises import load_kinds
 from grader.exercises.judgement import Judgement
+from grader.exercises.running import trials
 from mjgrader.judges import JUDGES
 
 JUDGED = {"trials": 0}

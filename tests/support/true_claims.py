@@ -5,8 +5,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from grader.exercises import diagnosing
 from grader.exercises.explaining.claims import CLAIMS, Claim, Evidence, correct_sentence, find_untrue
+from grader.exercises.running import diagnosing
 
 HELD = {"sentences": 0}
 """How many sentences were held against their scripts."""

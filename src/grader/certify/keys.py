@@ -11,7 +11,7 @@ from grader.certify.remarks import Luck, estimate_luck, is_decidable
 from grader.errors import Fault
 from grader.exercises import TextOf
 from grader.library import NOTHING_PASSED, Library, PassedChecks
-from grader.library.semantics import list_inputs
+from grader.library.checking.semantics import list_inputs
 from grader.questions import AnswerKey, Question, kind_of
 from grader.questions.drawing import is_drawn
 

@@ -13,7 +13,8 @@ cli = typer.Typer(help="Begin content that passes `grader check` at once, for yo
 Folder = Annotated[Path, typer.Option("--in", help="The content folder.")]
 Markdown = Annotated[bool, typer.Option("--markdown", help="Write the quiz as Markdown, not as JSON.")]
 Place = Annotated[
-    str, typer.Argument(metavar="QUIZ[/ID]", help="The quiz that gets it, begun if it is not there, and the question's id.")
+    str,
+    typer.Argument(metavar="QUIZ[/ID]", help="The quiz that gets it, begun if there is none, and the question's id."),
 ]
 HERE = Path()
 

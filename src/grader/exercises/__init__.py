@@ -5,7 +5,6 @@ from grader.domain.axes import ClassAxis, Placed, Position
 from grader.domain.numbers import NotNegative, Points, Positive, Range, Real, Value
 from grader.domain.progress import TrialProgress
 from grader.domain.run import ChannelClosed, Limits, MalformedAnswer
-from grader.exercises.authored import write_wrong_scripts
 from grader.exercises.film import Film, Panel
 from grader.exercises.kind import (
     Ask,
@@ -22,10 +21,12 @@ from grader.exercises.kind import (
     TextOf,
     Trial,
 )
-from grader.exercises.lazy import write_lazy_answers
 from grader.exercises.luck import compute_chance_of_luck
 from grader.exercises.parameters import Case, ExerciseParameters, Number, Start, Strict, WrongParameter, draw_number
-from grader.exercises.planning import (
+from grader.exercises.rehearsing import certify_exercise, check_exercise
+from grader.exercises.running.authored import write_wrong_scripts
+from grader.exercises.running.lazy import write_lazy_answers
+from grader.exercises.running.planning import (
     GROUP,
     Plan,
     find_placing,
@@ -35,9 +36,8 @@ from grader.exercises.planning import (
     prepare_exercise,
     save_hidden_models,
 )
-from grader.exercises.progress import Progress, Tell
-from grader.exercises.rehearsing import certify_exercise, check_exercise
-from grader.exercises.runner import judge_exercise
+from grader.exercises.running.progress import Progress, Tell
+from grader.exercises.running.runner import judge_exercise
 from grader.exercises.visible import describe_exercise, list_visible_models
 from grader.numerics.shares import bound_share
 

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from grader.exercises.kind import Content, Intervals, TextOf
 from grader.exercises.parameters import Case, ExerciseParameters
-from grader.exercises.planning import AnyKind, AnyTrial, build_case_trials, load_kinds, read_parameters, refuse_text
+from grader.exercises.running.planning import (
+    AnyKind,
+    AnyTrial,
+    build_case_trials,
+    load_kinds,
+    read_parameters,
+    refuse_text,
+)
 from grader.questions import ModelXml, Question
 from grader.questions.kinds.script import ScriptQuestion
 

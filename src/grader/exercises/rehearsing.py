@@ -10,7 +10,7 @@ from grader.domain.misread import misread
 from grader.errors import Fault, GraderError
 from grader.exercises.kind import Content, TextOf
 from grader.exercises.parameters import Case, ExerciseParameters, list_ends, list_keys
-from grader.exercises.planning import (
+from grader.exercises.running.planning import (
     AnyKind,
     AnyTrial,
     build_case_trials,

@@ -5,7 +5,7 @@ from typing import Any
 
 from grader.exercises.findings import build_titles
 from grader.exercises.kind import TextOf
-from grader.exercises.planning import load_kinds, plan_exercise, read_parameters, refuse_text
+from grader.exercises.running.planning import load_kinds, plan_exercise, read_parameters, refuse_text
 from grader.questions import ModelXml
 from grader.questions.kinds.script import ScriptQuestion
 

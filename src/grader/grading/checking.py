@@ -19,7 +19,7 @@ from grader.grading.references import ReferenceOutcome, ReferenceProgram, find_r
 from grader.grading.report import Report
 from grader.grading.selection import EVERYTHING, Selection
 from grader.library import NOTHING_PASSED, Library, PassedChecks, load
-from grader.library.semantics import list_inputs
+from grader.library.checking.semantics import list_inputs
 from grader.questions import kind_of
 from grader.questions.kinds.script import ScriptQuestion
 

@@ -24,11 +24,11 @@ from grader.importing.addresses import Addresses
 from grader.importing.passages import PRINTED, write_case, write_fence, write_program, write_widget
 from grader.importing.text import Text
 from grader.labs import DEFAULT, lab_adapter, lab_kind_of, lab_kinds
+from grader.library.checking.schema import QUIZ, Part, validate
+from grader.library.checking.semantics import unknown_kind
 from grader.library.json_text import json_faults, parse_json
 from grader.library.lesson_text import find_lesson_id, find_number
 from grader.library.markdown.front_matter import read_front_matter, split_front_matter
-from grader.library.schema import QUIZ, Part, validate
-from grader.library.semantics import unknown_kind
 from grader.questions import AnyKind, installed_kinds, kind_of
 
 UNFIT = re.compile(r"[^A-Za-z0-9._-]+")

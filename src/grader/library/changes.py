@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from grader.library.semantics import named_models
+from grader.library.checking.semantics import named_models
 from grader.library.snapshot import Library
 from grader.questions import Question, Quiz
 

@@ -14,10 +14,10 @@ from markdown_it.token import Token
 from grader.domain.markup import plain_text, quoted
 from grader.domain.media import Media, find_named, find_path
 from grader.errors import Fault
+from grader.library.checking.prose_remarks import list_prose_remarks
 from grader.library.markdown.front_matter import read_front_matter, split_front_matter
 from grader.library.markdown.parser import make_parser, split_blocks
 from grader.library.media import place_in_text
-from grader.library.prose_remarks import list_prose_remarks
 from grader.questions import Quiz
 
 LESSON_BYTES_MAX = 256 << 10

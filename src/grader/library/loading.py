@@ -12,15 +12,10 @@ from grader.domain.lab import Lab, UnknownLab
 from grader.domain.media import Media
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import ContentError, Fault, NotFound
-from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, list_unread_files, read_text
-from grader.library.json_text import json_faults
-from grader.library.media import find_named_media, place_media, read_media
-from grader.library.mjcf import flattened, inline_faults, model_faults
-from grader.library.passed import NOTHING_PASSED, PassedChecks
-from grader.library.quiz_files import list_quiz_files, parse_quiz
-from grader.library.quiz_source import QuizSource
-from grader.library.schema import named_parts, read_quiz
-from grader.library.semantics import (
+from grader.library.checking.mjcf import flattened, inline_faults, model_faults
+from grader.library.checking.passed import NOTHING_PASSED, PassedChecks
+from grader.library.checking.schema import named_parts, read_quiz
+from grader.library.checking.semantics import (
     lab_warnings,
     of_unknown_kind,
     prose_warnings,
@@ -29,6 +24,11 @@ from grader.library.semantics import (
     semantic_faults,
     unknown_models,
 )
+from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, list_unread_files, read_text
+from grader.library.json_text import json_faults
+from grader.library.media import find_named_media, place_media, read_media
+from grader.library.quiz_files import list_quiz_files, parse_quiz
+from grader.library.quiz_source import QuizSource
 from grader.library.snapshot import Library, digest_of
 from grader.questions import Question, Quiz, kind_of
 

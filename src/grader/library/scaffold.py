@@ -10,12 +10,12 @@ from typing import Any
 
 from grader.errors import Conflict, ContentError, Fault, NotFound, Unprocessable
 from grader.labs import lab_kinds
+from grader.library.checking.semantics import named_models
 from grader.library.files import QUIZ_BYTES_MAX, list_files, read_text
 from grader.library.json_schema import build_quiz_schema
 from grader.library.markdown import write_lab, write_markdown, write_question
 from grader.library.quiz_files import is_markdown, list_quiz_files, parse_quiz
 from grader.library.quiz_source import QuizSource
-from grader.library.semantics import named_models
 from grader.questions import FORMS, Quiz, installed_kinds
 from grader.settings import default_content
 
@@ -186,8 +186,8 @@ def name_sample(sample: Sample, id_: str) -> Sample:
 
 
 def add_sample(root: Path, quiz: str, sample: Sample) -> list[Path]:
-    """Adds a question to a quiz, with an id that no other has. Returns the files that were written. Raises NotFound without
-    such a quiz, ContentError where its file cannot be read, and Conflict where a file of another text is there."""
+    """Adds a question to a quiz, with an id that no other has. Returns the files that were written. Raises NotFound
+    without such a quiz, ContentError where its file cannot be read, and Conflict where another text is in a file."""
     file, document = find_quiz(root, quiz)
     named = sample.question.get("id") or sample.question["kind"]
     questions = document.setdefault("questions", [])

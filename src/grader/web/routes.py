@@ -13,16 +13,13 @@ from grader.web.instructor import (
     gradebook,
     people,
     platforms,
-    reel,
     regrades,
-    review,
-    review_list,
-    review_script,
     seen_as,
     service,
     statistics,
     today,
 )
+from grader.web.instructor.reviewing import reel, review, review_list, review_script
 from grader.web.learner import answering, media, pages
 from grader.web.platform import lti
 from grader.web.signing_in import devices, links, oidc

@@ -13,7 +13,7 @@ from grader.gate.services import AppServices, Services
 from grader.questions import Question
 from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import page
-from grader.web.instructor.review_list import PAGE as REVIEW
+from grader.web.instructor.reviewing.review_list import PAGE as REVIEW
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.questions import list_titles
 

@@ -18,7 +18,7 @@ from grader.web.cohort.axis_plot import ClassPlot, draw_class
 from grader.web.cohort.axis_words import describe_near, describe_right, round_position
 from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import page
-from grader.web.instructor.review_list import PAGE as REVIEW
+from grader.web.instructor.reviewing.review_list import PAGE as REVIEW
 from grader.web.instructor.statistics import CLASS
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.questions import list_titles

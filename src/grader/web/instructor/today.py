@@ -27,8 +27,8 @@ from grader.store.tables import now
 from grader.web.frame.inputs import Instructor, Visitor
 from grader.web.frame.rendering import page
 from grader.web.instructor.certificates import list_certificates
-from grader.web.instructor.review_list import DIFFER, FIRST, SECOND, Chosen
-from grader.web.instructor.review_list import PAGE as REVIEW
+from grader.web.instructor.reviewing.review_list import DIFFER, FIRST, SECOND, Chosen
+from grader.web.instructor.reviewing.review_list import PAGE as REVIEW
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.numbers import span
 from grader.web.text.questions import describe_quiz, list_titles

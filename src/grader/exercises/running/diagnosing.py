@@ -10,8 +10,8 @@ from grader.exercises.crashes import explain_hidden_slip
 from grader.exercises.explaining.claims import CLAIMS, Evidence, correct_sentence
 from grader.exercises.explaining.places import find_landmark
 from grader.exercises.kind import JudgedTrial, Kind, Mistake
-from grader.exercises.measuring import Run
 from grader.exercises.parameters import ExerciseParameters
+from grader.exercises.running.measuring import Run
 
 AnyKind = Kind[Any, Any, Any]
 AnyJudged = JudgedTrial[Any, Any]

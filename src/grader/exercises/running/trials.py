@@ -13,8 +13,8 @@ from grader.domain.verdict import Status
 from grader.exercises.crashes import explain_error
 from grader.exercises.driving.playing import Played
 from grader.exercises.judgement import Judgement, Results
-from grader.exercises.measuring import Run, Unmeasured, measure
-from grader.exercises.planning import AnyKind, AnyTrial, Plan
+from grader.exercises.running.measuring import Run, Unmeasured, measure
+from grader.exercises.running.planning import AnyKind, AnyTrial, Plan
 from grader.exercises.trace import is_line
 
 ENDED = "The script ended before this case."

@@ -13,10 +13,10 @@ from grader.domain.lab import Lab, LabConfig, UnknownLab
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import Fault, NotFound
 from grader.labs import lab_kind_of, lab_kinds, name_lab_kind
+from grader.library.checking.passed import PassedChecks
+from grader.library.checking.prose_remarks import list_prose_remarks
 from grader.library.files import read_text
 from grader.library.json_text import dotted
-from grader.library.passed import PassedChecks
-from grader.library.prose_remarks import list_prose_remarks
 from grader.questions import ModelXml, Question, Quiz, kind_of
 
 if TYPE_CHECKING:
@@ -202,7 +202,7 @@ def _question_faults(
     keys = kind.answer_keys(question)
     for answer in keys:
         if answer.verify is not None:
-            from grader.library.verify_texts import list_verify_faults  # it compiles expressions
+            from grader.library.checking.verify_texts import list_verify_faults  # it compiles expressions
 
             yield from list_verify_faults(answer, model_xml, question.id)
     if question.verify is not None and all(key.place for key in keys):

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from grader.exercises.kind import LazyAnswer, TextOf
-from grader.exercises.planning import load_kinds, plan_exercise, refuse_text
+from grader.exercises.running.planning import load_kinds, plan_exercise, refuse_text
 from grader.questions import ModelXml
 from grader.questions.kinds.script import ScriptQuestion
 

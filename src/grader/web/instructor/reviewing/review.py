@@ -30,7 +30,7 @@ from grader.store.reviews import AGREED, DIFFERS, WaitingQuestion, comments_on
 from grader.store.tables import Submission, now
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
-from grader.web.instructor.review_list import ALL, DIFFER, FIRST, PAGE, SECOND, Choice, name_learner
+from grader.web.instructor.reviewing.review_list import ALL, DIFFER, FIRST, PAGE, SECOND, Choice, name_learner
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.prose import cached_prose
 from grader.web.text.questions import describe_quiz, list_titles

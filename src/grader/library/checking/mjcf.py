@@ -13,8 +13,8 @@ from typing import Any
 import mujoco
 
 from grader.errors import Fault
+from grader.library.checking.model_cost import explain_cost
 from grader.library.json_text import dotted
-from grader.library.model_cost import explain_cost
 from grader.numerics.process import prepare
 
 CURES = {

@@ -24,8 +24,8 @@ from grader.store.submissions import AT_REST
 from grader.store.tables import Submission
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
-from grader.web.instructor.review import AtDesk, get_submission, render
-from grader.web.instructor.review_list import PAGE, name_learner
+from grader.web.instructor.reviewing.review import AtDesk, get_submission, render
+from grader.web.instructor.reviewing.review_list import PAGE, name_learner
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.questions import list_titles
 from grader.web.verdict.card import build_card

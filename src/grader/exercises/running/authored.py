@@ -7,9 +7,9 @@ from grader.domain.run import Limits, RunStatus
 from grader.errors import JailFault
 from grader.exercises.judgement import Judgement
 from grader.exercises.kind import TextOf
-from grader.exercises.measuring import Run
-from grader.exercises.planning import AnyKind, Plan, load_kinds, read_parameters
-from grader.exercises.trials import judge_trials
+from grader.exercises.running.measuring import Run
+from grader.exercises.running.planning import AnyKind, Plan, load_kinds, read_parameters
+from grader.exercises.running.trials import judge_trials
 from grader.questions.kinds.script import ScriptQuestion
 
 

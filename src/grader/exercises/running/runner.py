@@ -13,18 +13,18 @@ import numpy as np
 from grader.domain.run import Job, RunReport, RunStatus
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import JailFault
-from grader.exercises.authored import find_authored_sentence
 from grader.exercises.crashes import explain_error
-from grader.exercises.diagnosing import describe_success, diagnose
 from grader.exercises.driving.playing import describe_stop
 from grader.exercises.explaining.script import Script
 from grader.exercises.findings import AnyJudged, build_findings, build_titles, choose_message
 from grader.exercises.judgement import list_counting
 from grader.exercises.kind import JudgedTrial
-from grader.exercises.measuring import Run, limit_cpu
-from grader.exercises.planning import Plan, load_kinds
+from grader.exercises.running.authored import find_authored_sentence
+from grader.exercises.running.diagnosing import describe_success, diagnose
+from grader.exercises.running.measuring import Run, limit_cpu
+from grader.exercises.running.planning import Plan, load_kinds
+from grader.exercises.running.trials import judge_trials
 from grader.exercises.trace import NO_TRACE, read_traces
-from grader.exercises.trials import judge_trials
 from grader.questions.kinds.script import ScriptQuestion
 
 TRACES = {False: "traces", True: "hidden_traces"}
