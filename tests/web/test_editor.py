@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import BrowserContext, Locator, Page, Response, expect
+from playwright.sync_api import BrowserContext, Locator, Page, Response, Route, expect
 
 from web.browsing import Chromium, findings, service, settings_in
 
@@ -66,6 +66,26 @@ def test_what_is_typed_is_indented_and_stays_in_the_form(page: Page) -> None:
     page.reload()
     expect(editor_of(page)).to_contain_text("return 1")
     expect(page.locator("textarea.code")).to_have_value("def f(x):\n    if x:\n        return 1")
+
+
+def test_it_takes_over_what_is_selected(context: BrowserContext) -> None:
+    """A learner who has selected all, and pastes just as it comes, replaces all."""
+    page, held = context.new_page(), list[Route]()
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    page.route("**/editor.js", hold)
+    with page.expect_request("**/editor.js"):
+        page.goto(STEP)
+    code = page.locator("textarea.code")
+    code.focus()
+    page.keyboard.press("Control+a")
+    for route in held:
+        route.continue_()
+    editor_of(page)
+    page.keyboard.insert_text("x = 1\n")
+    expect(code).to_have_value("x = 1\n")
 
 
 def test_tab_indents_and_after_escape_it_leaves(page: Page) -> None:

@@ -93,7 +93,7 @@ export function openEditor(area) {
   const box = area.parentElement, host = document.createElement("div");
   const root = host.attachShadow({ mode: "open" });
   const view = new EditorView({
-    doc: area.value, root, parent: root,
+    doc: area.value, selection: { anchor: area.selectionStart, head: area.selectionEnd }, root, parent: root,
     extensions: [
       LOOK, keymap.of([{ key: "Mod-Enter", run: () => { area.form.requestSubmit(); return true; } }]), KEYS, said, isLeaving, lineNumbers(), history(), highlightActiveLine(), bracketMatching(), indentOnInput(), search({ top: true }),
       ...(area.dataset.takes === "mjcf" ? [indentUnit.of("  ")] : [pythonLanguage, syntaxHighlighting(COLOURS), indentUnit.of("    ")]), EditorState.tabSize.of(4), EditorState.readOnly.of(area.readOnly),
