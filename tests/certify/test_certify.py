@@ -12,6 +12,7 @@ import pytest
 from pydantic import ValidationError
 
 from grader.certify import Certificate, certify_key
+from grader.certify.keys import name_slip
 from grader.errors import NotFound
 from grader.questions import ModelXml, Question, kind_of, question_adapter
 from grader.questions.kinds.choice import ChoiceQuestion
@@ -47,6 +48,23 @@ def certify(question: Question) -> Certificate:
 def numeric(answer: float, tol: float, unit: str, **verify: Any) -> Question:
     raw = {"id": "n", "kind": "numeric", "q": "?", "answer": answer, "tol": tol, "unit": unit, "verify": verify}
     return QUESTION.validate_python(raw)
+
+
+@pytest.mark.parametrize(
+    ("answer", "unit", "slip"),
+    [
+        (2228.45, "s", "would be right in milliseconds (ms), but seconds (s) were asked for"),
+        (-2.22845, "s", "has the wrong sign"),
+        (1.114225, "s", "is off by a factor of two"),
+        (1.7, "s", ""),
+    ],
+)
+def test_a_refuted_number_is_told_its_slip(answer: float, unit: str, slip: str) -> None:
+    question = numeric(answer, 0.0123, unit, by="expression", expr="2 * Math.PI * Math.sqrt(1.234 / 9.81)")
+    (key,) = kind_of(question).answer_keys(question)
+    certificate = name_slip(question, key, certify(question))
+    assert certificate.verdict == "refuted"
+    assert certificate.why.partition(". Your number ")[2] == (f"{slip}: correct `answer` or `unit`" if slip else "")
 
 
 def predict(options: list[str], answer: int, sim: dict[str, Any], verify: dict[str, Any] | None = None) -> Question:

@@ -1,7 +1,7 @@
 """Certifies the answer keys of whole quizzes: for a check of the content, and before it is served."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from grader.certify import Certificate, certify_key
@@ -12,7 +12,7 @@ from grader.errors import Fault
 from grader.exercises import TextOf
 from grader.library import NOTHING_PASSED, Library, PassedChecks
 from grader.library.checking.semantics import list_inputs
-from grader.questions import AnswerKey, Question, kind_of
+from grader.questions import AnswerKey, NumberKey, Question, grade_answer, kind_of
 from grader.questions.drawing import is_drawn
 
 ACCEPT = "or write why the key holds as verify.accept"
@@ -48,9 +48,23 @@ def certify_quizzes(
                     write=write_certificate,
                     read=read_certificate,
                 )
-                yield Certified(quiz, question, key, certificate)
+                yield Certified(quiz, question, key, certificate and name_slip(question, key, certificate))
             if is_drawn(question):
                 yield from certify_drawn(library, quiz, question, passed)
+
+
+def name_slip(question: Question, key: AnswerKey, certificate: Certificate) -> Certificate:
+    """Returns a certificate that also says which known slip, such as another unit, makes the refuted number of a
+    question the derived one: the author is told what a learner with this number would be."""
+    is_number = isinstance(key, NumberKey) and not key.place and not is_drawn(question)
+    if not is_number or certificate.verdict != "refuted" or certificate.answer is None:
+        return certificate
+    derived = question.model_copy(update={"answer": float(certificate.answer), "tol": None})
+    slip = grade_answer(derived, certificate.expected).diagnosis
+    if slip is None:
+        return certificate
+    seen, _, _ = slip.partition(":")  # the cure is a learner's
+    return replace(certificate, why=f"{certificate.why}. {seen}: correct `answer` or `unit`")
 
 
 def certify_drawn(library: Library, quiz: str, question: Question, passed: PassedChecks) -> Iterator[Certified]:
