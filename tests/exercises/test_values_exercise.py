@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import ContentError
 from grader.exercises import judge_exercise, plan_exercise
+from grader.exercises.kinds.values import rehearsal
 from grader.exercises.kinds.values.parameters import Problem
+from grader.exercises.programs import limit_lines
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion
 
@@ -118,6 +121,33 @@ def test_right_results_are_right_and_tolerances_count(library: Library) -> None:
 def test_a_mistake_is_named(library: Library, wrong: Any, sentence: str) -> None:
     verdict = judged(library, *[wrong(*pair) for pair in right(library)])
     assert sentence in (verdict.diagnosis or "")
+
+
+def test_a_reference_that_does_not_end_for_other_arguments_explains_nothing(tmp_path: Path) -> None:
+    """Mistakes are looked for by calling it with arguments that its author has not foreseen, such as 0."""
+    counts_up = "def two(a, b):\n    x = 0\n    while not x >= 1:\n        x += a / 1000\n    return a + b, a * b\n"
+    library = load(folder(tmp_path, counts_up))
+    verdict = judged(library, *[(a + 0.123456, b - 0.3) for a, b in right(library)])
+    assert verdict.status is Status.INCORRECT
+
+
+NEVER_ENDS = """
+def two(a, b):
+    while True:
+        try:
+            1 / 0
+        except Exception:
+            a += 1
+"""
+
+
+def test_a_program_that_does_not_end_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rehearsal, "limit_lines", partial(limit_lines, lines_max=1_000))
+    before = sys.gettrace()
+    with pytest.raises(ContentError, match=r"cases\.0: .*: it runs more than 1,000 lines: bound its loops"):
+        load(folder(tmp_path, NEVER_ENDS))
+    assert sys.gettrace() is before
+    assert limit_lines(lambda: sum(1 for _ in range(2_000)), 1_000) == 2_000, "lines of others do not count"
 
 
 def test_of_hidden_calls_no_number_is_told(library: Library) -> None:

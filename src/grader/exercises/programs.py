@@ -1,9 +1,10 @@
 """Runs the programs of authors in the grader's own process: their texts are trusted, as the content folder is."""
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Mapping
 from functools import lru_cache
-from types import MappingProxyType
-from typing import Any
+from types import FrameType, MappingProxyType
+from typing import Any, TypeVar
 
 from grader.errors import GraderError
 from grader.exercises.kind import TextOf
@@ -12,13 +13,49 @@ from grader.exercises.parameters import WrongParameter
 Program = Mapping[str, Any]
 """The names that an author's program defines."""
 
+NAME = "program"
+"""The `__name__` of every author's program."""
+
+LINES_MAX = 10_000_000
+"""Lines of a program that one call may run: about 2 s. They are counted, so that load changes no verdict."""
+
+T = TypeVar("T")
+
+
+class TooManyLines(BaseException):
+    """Ends a program that runs too long: no `except Exception` catches it."""
+
+
+def limit_lines(function: Callable[[], T], lines_max: int = LINES_MAX) -> T:
+    """Returns what a function returns. Raises ValueError where authors' programs run more lines in it."""
+    left = lines_max
+
+    def follow(frame: FrameType, event: str, _: object) -> Any:
+        nonlocal left
+        if frame.f_globals.get("__name__") != NAME:
+            return None
+        left -= event == "line"
+        if left < 0:
+            raise TooManyLines
+        return follow
+
+    before = sys.gettrace()
+    sys.settrace(follow)
+    try:
+        return function()
+    except TooManyLines:
+        raise ValueError(f"it runs more than {lines_max:,} lines: bound its loops") from None
+    finally:
+        sys.settrace(before)
+
 
 @lru_cache(maxsize=64)
 def run_program(path: str, text: str) -> Program:
     """Runs an author's program in a namespace of its own. Raises ValueError if that fails."""
-    names: dict[str, Any] = {"__name__": "program", "__file__": path}
+    names: dict[str, Any] = {"__name__": NAME, "__file__": path}
     try:
-        exec(compile(text, path, "exec"), names)  # noqa: S102 - the text is the author's, which is trusted
+        code = compile(text, path, "exec")
+        limit_lines(lambda: exec(code, names))  # noqa: S102 - the text is the author's, which is trusted
     except (Exception, SystemExit) as error:
         line = f"line {error.lineno}: " if isinstance(error, SyntaxError) else ""
         raise ValueError(f"{path}: {line}{type(error).__name__}: {error}") from error

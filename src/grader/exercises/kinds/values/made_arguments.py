@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from grader.exercises.kinds.values.judging.driver import compile_model
-from grader.exercises.programs import run_program
+from grader.exercises.programs import limit_lines, run_program
 
 ARGUMENTS_MAX = 20
 
@@ -30,7 +30,8 @@ def run_arguments(
     if not callable(make):
         raise ValueError(f"`arguments`: {path} defines no function {function}(model, numbers, rng)")
     try:
-        made = make(compile_model(xml), dict(numbers), np.random.default_rng(seed))
+        model, rng = compile_model(xml), np.random.default_rng(seed)
+        made = limit_lines(lambda: make(model, dict(numbers), rng))
     except Exception as error:  # an author's program may raise anything
         raise ValueError(f"`arguments`: {function} of {path} raises {type(error).__name__}: {error}") from error
     if not isinstance(made, list | tuple) or len(made) > ARGUMENTS_MAX:

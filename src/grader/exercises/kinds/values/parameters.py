@@ -25,7 +25,7 @@ from grader.exercises.parameters import (
     WrongProgram,
     draw_exactly,
 )
-from grader.exercises.programs import Program, load_program
+from grader.exercises.programs import Program, limit_lines, load_program
 
 Name = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
 
@@ -215,7 +215,8 @@ class Problem:
         def remaining(*arguments: object) -> object:
             return residual(*arguments, *given)
 
-        found = call_function(remaining, compile_model(self.xml), call.inputs(), [{"name": "residual", "field": None}])
+        model, results = compile_model(self.xml), [{"name": "residual", "field": None}]
+        found = limit_lines(lambda: call_function(remaining, model, call.inputs(), results))
         return None if isinstance(found, str) else found[0]
 
 

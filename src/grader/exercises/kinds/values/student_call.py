@@ -9,8 +9,11 @@ from grader.exercises.kinds.values.judging.driver import Rows
 from grader.exercises.kinds.values.judging.judge import Comparison, fits
 from grader.exercises.kinds.values.judging.problem import Call
 from grader.exercises.kinds.values.parameters import Problem, Result
-from grader.exercises.programs import Program
+from grader.exercises.programs import LINES_MAX, Program, limit_lines
 from grader.exercises.trace import NO_TRACE, Trace
+
+GUESS_LINES_MAX = 100_000
+"""Lines that the reference may run for inputs that its author has not foreseen, with which its loops may not end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +48,10 @@ def is_given_by(
     problem, values = student_call.problem, student_call.comparison.answer.values
     if program is not None and not callable(program.get(problem.name)):
         return False
+    lines_max = LINES_MAX if call is None and change is None else GUESS_LINES_MAX
+    asked = call or student_call.comparison.call
     try:
-        results = problem.compute_results(call or student_call.comparison.call, program, change, times)
+        results = limit_lines(lambda: problem.compute_results(asked, program, change, times), lines_max)
     except Exception:  # the author's program, outside the range that it was written for
         return False
     if isinstance(results, str) or values is None:
