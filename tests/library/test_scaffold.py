@@ -82,6 +82,7 @@ def test_a_named_exercise_begins_its_quiz_and_names_its_files(course: Path) -> N
     library = load(course)
     assert [question.id for question in library.quiz("1.1-exercises").questions] == ["distance"]
     assert library.quiz("1.1-exercises").title == "Exercises"
+    assert all("def distance(" in (course / name).read_text() for name in named[1:])
 
 
 def test_a_lesson_is_added(course: Path) -> None:

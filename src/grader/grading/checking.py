@@ -13,7 +13,7 @@ from grader.certify.keys import Certified, bound_luck, build_fault, certify_quiz
 from grader.certify.remarks import UNVERIFIED, is_decidable
 from grader.domain.verdict import Status
 from grader.errors import ContentError, Fault, NotFound
-from grader.exercises import TextOf, certify_exercise, plan_exercise, write_lazy_answers, write_wrong_scripts
+from grader.exercises import STARTER, TextOf, certify_exercise, plan_exercise, write_lazy_answers, write_wrong_scripts
 from grader.grading.pipeline import Pipeline
 from grader.grading.references import ReferenceOutcome, ReferenceProgram, find_references, grade_one, list_mismatches
 from grader.grading.report import Report
@@ -182,7 +182,7 @@ class ContentCheck:
         self.doing(f"grading scripts that do not solve {quiz_id} {question.id}")
         own = library.starter(question)
         key = f"{question.id}.check"
-        for name, points, most, is_judged in self.passed.run(
+        earned = self.passed.run(
             "lazy answers",
             [*list_inputs(question, library.models), own or ""],
             lambda text_of: [*earn_lazily(self.opened(), quiz_id, question, own, text_of)],
@@ -191,11 +191,13 @@ class ContentCheck:
                 earned if all(fine and not earns_too_much(*both) for _, *both, fine in earned) else None
             ),
             read=list,
-        ):
-            self.say(f"{quiz_id} {question.id}: {name} earns {points:g}, at most {most:g}")
+        )
+        self.say(f"{quiz_id} {question.id}: {len(earned)} scripts that do not solve it are tried")
+        for name, points, most, is_judged in earned:
             if earns_too_much(points, most):
                 why = f"{name} earns {points:g} points, and may earn {most:g} at most"
-                cure = "give hidden cases other numbers or more points"
+                solved = f"take the solution out of {question.starter}" if name == STARTER else ""
+                cure = solved or "give hidden cases other numbers or more points"
                 self.report.faults.append(Fault(library.file(quiz_id), key, f"{why}: {cure}"))
             if not is_judged:
                 why = f"{name} cannot be judged: the log on stderr says why"
@@ -226,7 +228,8 @@ class ContentCheck:
         ):
             self.say(f"{quiz_id} {question.id}: {program} is {status}: {diagnosis}")
             if sentence not in (diagnosis or ""):
-                why = f"{program} is graded {status} and told {diagnosis!r}, not its own sentence"
+                told = "nothing" if diagnosis is None else repr(diagnosis)
+                why = f"{program} is graded {status} and told {told}, not its own sentence"
                 cure = "write a whole script that makes this mistake alone, or remove an earlier one that does the same"
                 key = f"{question.id}.check.mistakes.{index}.program"
                 self.report.faults.append(Fault(library.file(quiz_id), key, f"{why}: {cure}"))

@@ -114,7 +114,7 @@ def list_mismatches(reference: ReferenceProgram, outcomes: dict[int, ReferenceOu
             name = f"{outcome.got}__{PurePath(reference.file).name.partition('__')[2]}"
             cure = ""
             if outcome.got in set(Status) and len(counts) == 1:
-                cure = f"; if that is right, name the file {name}"
+                cure = f"; mend it or the exercise, or name the file {name}"
             elif outcome.got == NO_QUESTION:
                 cure = f"; rename the folder {PurePath(reference.file).parent} after it, or remove it"
             yield f"graded {outcome}{where}{cure}"

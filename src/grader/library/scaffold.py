@@ -1,6 +1,7 @@
 """Begins content: a folder, a quiz, and questions and labs that pass the check at once, for their author to change."""
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -173,7 +174,10 @@ def list_shipped() -> Iterator[Sample]:
 
 
 def name_sample(sample: Sample, id_: str) -> Sample:
-    """Returns a sample whose question has this id, with its starter and its program in files of that name."""
+    """Returns a sample whose question has this id, with a function of that name, where it is one, and with its starter
+    and its program in files of that name."""
+    if (entry := sample.question.get("entry")) and (function := re.sub(r"\W", "_", id_)).isidentifier():
+        sample = rename(sample, entry, function)
     question = {**sample.question, "id": id_, "check": dict(sample.question.get("check", {}))}
     files = dict(sample.files)
     for part, key in ((question, "starter"), (question["check"], "program")):
@@ -183,6 +187,15 @@ def name_sample(sample: Sample, id_: str) -> Sample:
     if not question["check"]:
         del question["check"]
     return Sample(question, files, sample.right)
+
+
+def rename(sample: Sample, old: str, new: str) -> Sample:
+    """Returns a sample in whose texts a name of Python is another one."""
+    name = re.compile(rf"\b{re.escape(old)}\b(?!\.py)")
+    question = json.loads(name.sub(new, json.dumps(sample.question)))
+    texts = {path: body if path.startswith("models/") else name.sub(new, body.decode()).encode()
+             for path, body in sample.files.items()}  # fmt: skip
+    return Sample(question, texts, sample.right and name.sub(new, sample.right.decode()).encode())
 
 
 def add_sample(root: Path, quiz: str, sample: Sample) -> list[Path]:

@@ -7,6 +7,7 @@ from grader.exercises.running.planning import load_kinds, plan_exercise, refuse_
 from grader.questions import ModelXml
 from grader.questions.kinds.script import ScriptQuestion
 
+STARTER = "the starter"
 NOTHING = "None from every function"
 
 ODD: Mapping[str, tuple[str, str]] = {
@@ -35,7 +36,7 @@ def write_lazy_answers(
     counts = {name: kind.count_returned(trial) for trial in plan.trials for name in trial.entries or (question.entry,)}
     odd = ODD if question.takes == "python" else {}
     return [
-        *([] if starter is None or question.form.is_file else [LazyAnswer("the starter", starter, 0.0)]),
+        *([] if starter is None or question.form.is_file else [LazyAnswer(STARTER, starter, 0.0)]),
         *(LazyAnswer(name, source, most) for name, source in alike.items()),
         *(LazyAnswer(name, write_returns(counts, values), most, like=NOTHING) for name, values in odd.items()),
     ]
