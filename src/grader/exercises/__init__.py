@@ -9,6 +9,7 @@ from grader.exercises.film import Film, Panel
 from grader.exercises.kind import (
     Ask,
     DrawnCase,
+    ExerciseExample,
     Intervals,
     JudgedTrial,
     Judgement,
@@ -39,14 +40,16 @@ from grader.exercises.running.planning import (
 from grader.exercises.running.progress import Progress, Tell
 from grader.exercises.running.runner import judge_exercise
 from grader.exercises.visible import describe_exercise, list_visible_models
+from grader.numerics.scene import Scene
 from grader.numerics.shares import bound_share
 
 __all__ = [
-    "GROUP", "Ask", "Case", "ChannelClosed", "ClassAxis", "DrawnCase", "ExerciseParameters", "Film", "Intervals",
-    "JudgedTrial", "Judgement", "Kind", "LazyAnswer", "Limits", "MalformedAnswer", "Measurement", "Mistake",
-    "NotNegative", "Number", "Panel", "Part", "Placed", "Plan", "Points", "Position", "Positive", "Progress", "Range",
-    "Real", "Results", "Start", "Strict", "Tell", "TextOf", "Trial", "TrialProgress", "Value", "WrongParameter",
-    "bound_share", "certify_exercise", "check_exercise", "compute_chance_of_luck", "describe_exercise", "draw_number",
-    "find_placing", "judge_exercise", "list_codes", "list_visible_models", "load_kinds", "plan_exercise",
-    "prepare_exercise", "save_hidden_models", "write_lazy_answers", "write_wrong_scripts",
+    "GROUP", "Ask", "Case", "ChannelClosed", "ClassAxis", "DrawnCase", "ExerciseExample", "ExerciseParameters", "Film",
+    "Intervals", "JudgedTrial", "Judgement", "Kind", "LazyAnswer", "Limits", "MalformedAnswer", "Measurement",
+    "Mistake", "NotNegative", "Number", "Panel", "Part", "Placed", "Plan", "Points", "Position", "Positive", "Progress",
+    "Range", "Real", "Results", "Scene", "Start", "Strict", "Tell", "TextOf", "Trial", "TrialProgress", "Value",
+    "WrongParameter", "bound_share", "certify_exercise", "check_exercise", "compute_chance_of_luck",
+    "describe_exercise", "draw_number", "find_placing", "judge_exercise", "list_codes", "list_visible_models",
+    "load_kinds", "plan_exercise", "prepare_exercise", "save_hidden_models", "write_lazy_answers",
+    "write_wrong_scripts",
 ]  # fmt: skip

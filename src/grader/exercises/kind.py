@@ -22,8 +22,8 @@ from grader.questions import ModelXml, Reveal, Takes
 from grader.questions.kinds.script import ScriptQuestion
 
 __all__ = [
-    "Ask", "Content", "DrawnCase", "Intervals", "JudgedTrial", "Judgement", "Kind", "LazyAnswer", "Measurement",
-    "Mistake", "Part", "Results", "TextOf", "Trial",
+    "Ask", "Content", "DrawnCase", "ExerciseExample", "Intervals", "JudgedTrial", "Judgement", "Kind", "LazyAnswer",
+    "Measurement", "Mistake", "Part", "Results", "TextOf", "Trial",
 ]  # fmt: skip
 
 
@@ -153,6 +153,16 @@ class Measurement:
     cpu_s_all: float = CPU_S_MAX
 
 
+@dataclass(frozen=True)
+class ExerciseExample:
+    """A question as its author writes it, without `id` and `kind`; a program that is right, and the other files of the
+    content folder that it needs, by path: models, a starter."""
+
+    question: Mapping[str, Any]
+    right: str
+    files: Mapping[str, str] = field(default_factory=dict)
+
+
 def agree(one: Any, other: Any) -> bool:
     """Whether two values of plain JSON agree: numbers to ALIKE of their size, everything else exactly."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
@@ -202,6 +212,11 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     mistakes_tell_size: bool = True
     """Whether a sentence of `name_mistake` may tell how far a result is off, which leads to the expected one: twice, in
     degrees. Where the author reveals the direction alone, such a sentence is not shown."""
+
+    def example(self) -> ExerciseExample | None:
+        """Returns an exercise that passes `grader check`: what `grader new exercise` and the desk begin. None: no
+        example."""
+        return None
 
     @abstractmethod
     def build_trials(self, parameters: P, drawn: DrawnCase[Any]) -> Sequence[Trial[Problem]]:
