@@ -300,18 +300,20 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     def build_pictures(self, parameters: P, visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
         """Returns the verdict's evidence as plain JSON (lists, no arrays). `charts` is drawn by the student's page: a
         list of {"case": the trial's id, "title", "x": {"label", "log"}, "y": {"label", "log"}, "series": [{"label",
-        "x": [...], "y": [...], "points": whether to draw points}], "marks": [{"y": a value to mark, "label"}]}.
+        "x": [...], "y": [...]}], "marks": [{"y": a value to mark, "label"}]}.
         `motions` is such a list as well. `tables` is a list of {"case", "title", "head": [texts], "rows": [[texts]]}.
-        Students see `charts` and `tables` with the solutions, and `motions`, which show
-        no more than what the learner's own answer did, with the feedback."""
+        `film` is {"title", "about"} for the box of the films, with what `record_films` needs to repeat the learner's
+        own runs, under names of your own. Students see `motions` and `film`, which show no more than what the learner's
+        own answer did, with the feedback; `charts`, `tables` and keys of your own with the solution."""
         return {}
 
     def record_films(
         self, parameters: P, trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any], failed: Collection[str],
         *, timestep_s: float | None = None,
     ) -> Sequence[Film]:  # fmt: skip
-        """Returns films of a verdict. `trials` are the visible ones, as they were judged; `evidence`, and `failed`, the
-        ids of failed trials, are as much of the verdict as the reader may see: a film shows no more than they tell.
+        """Returns films of a verdict, for which the page has a box where `build_pictures` returned a `film`. `trials`
+        are the visible ones, as they were judged; `evidence`, and `failed`, the ids of failed trials, are as much of
+        the verdict as the reader may see: a film shows no more than they tell.
         The evidence may be that of an older version. With `timestep_s`, which the reader has chosen, the runs at this
         timestep [s] alone, where the evidence tells what they show."""
         return ()
