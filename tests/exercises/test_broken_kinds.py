@@ -93,7 +93,7 @@ class NoMeasure(Double):
     measurement = Measurement("import numpy\n")
 
 
-LACKS = {
+LACKS: dict[type[object], tuple[str, ...]] = {
     NoKind: ("derive it from grader.exercises.Kind",),
     NoParameters: ("set `parameters` to a model that derives from grader.exercises.ExerciseParameters",),
     NoDriver: ("set `driver` to the text of a module that defines trial(functions, inputs, submit)",),
@@ -107,7 +107,7 @@ LACKS = {
 
 
 @pytest.mark.parametrize("kind", LACKS, ids=lambda kind: kind.__name__)
-def test_a_kind_that_is_not_whole_is_refused_before_it_serves(kind: type) -> None:
+def test_a_kind_that_is_not_whole_is_refused_before_it_serves(kind: type[object]) -> None:
     with pytest.raises(PluginError) as raised:
         load_kind(EntryPoint("double", f"{__name__}:{kind.__name__}", GROUP))
     assert f"the exercise kind 'double' ({__name__}:{kind.__name__}) is not whole: " in str(raised.value)

@@ -178,7 +178,7 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     """A kind of exercise: found by its name through the entry-point group `grader.exercise_kinds`. A kind must define
     `parameters`, `driver`, `build_trials` and `judge`; the rest has defaults.
 
-    `driver` is Python source that runs in the jail, where only the standard library, NumPy and MuJoCo can be
+    `driver` is Python source that runs in the jail, where only the standard library, NumPy, SciPy and MuJoCo can be
     imported. It defines `trial(functions, inputs, submit)`: call the student's functions and submit named arrays of
     finite numbers. It may define `before_import()`, called before the student's module is imported, and finds
     `load_model(xml)` among its names, which returns a new model of an MJCF text. What it raises in a trial counts
