@@ -14,6 +14,7 @@ GraderError
 │   ├── FaultyRows       rows of a file that cannot be taken; all are listed at once
 │   ├── Unconditional    a precondition is missing
 │   └── TooManyRequests  too often
+├── PluginError       the operator's: an installed package of kinds cannot be used
 ├── NotReady          ours: a part of the service does not work now; `/readyz` tells which
 ├── LabError          a lab's expression failed while it ran: question, control, line and column
 ├── LabRefused        a lab does not offer these settings: controls, presses, lengths
@@ -53,6 +54,10 @@ class ContentError(GraderError):
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults = tuple(faults)
         super().__init__("\n".join(map(str, self.faults)))
+
+
+class PluginError(GraderError):
+    """An installed package of kinds cannot be used; the message names it, what it lacks, and the cure."""
 
 
 class InvalidAnswer(GraderError):

@@ -203,9 +203,10 @@ def test_a_command_reports_as_far_as_the_author_reveals() -> None:
 
 def test_a_command_reports_no_evidence_that_draws_the_solution() -> None:
     question = NumberQuestion(kind="numeric", id="q", q="?", answer=73.313, tol=0.1)
-    evidence = {"option": 1, "regions": [73.313]}
+    film = {"title": "Your run", "rows": [[1.0]]}  # of the learner's own answer
+    evidence = {"option": 1, "film": film, "regions": [73.313]}
     wrong, right = (grade_answer(question, one).model_copy(update={"evidence": evidence}) for one in (1, 73.313))
-    assert reported(wrong, question).evidence == {"option": 1}
+    assert reported(wrong, question).evidence == {"option": 1, "film": film}
     assert reported(right, question).evidence == evidence
 
 

@@ -299,10 +299,12 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     yield target
 
 
-def grader(installed: Path, content: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def grader(
+    installed: Path, content: Path, *arguments: str, cwd: Path | None = None
+) -> subprocess.CompletedProcess[str]:
     path = os.pathsep.join(filter(None, [str(installed), os.environ.get("PYTHONPATH")]))
     environment = {**os.environ, "GRADER_CONTENT": str(content), "PYTHONPATH": path}
-    return subprocess.run([GRADER, *arguments], capture_output=True, text=True, check=False, env=environment)
+    return subprocess.run([GRADER, *arguments], capture_output=True, text=True, check=False, env=environment, cwd=cwd)
 
 
 def words(path: Path) -> Path:
@@ -335,6 +337,16 @@ def test_a_kind_of_another_package_checks_and_grades(installed: Path, tmp_path: 
     assert [chart["case"] for chart in verdict["evidence"]["charts"]] == ["abba"]
 
 
+def test_a_kind_of_another_package_begins_its_example(installed: Path, tmp_path: Path) -> None:
+    for arguments in (("course", "words"), ("exercise", "exact-text", "1.1-words", "--in", "words")):
+        made = grader(installed, tmp_path, "new", *arguments, cwd=tmp_path)
+        assert made.returncode == 0, made.stderr
+    right = tmp_path / "words/reference_solutions/1.1-words/exact-text/correct__example.py"
+    assert right.read_text().startswith("def turn(word)")
+    checked = grader(installed, tmp_path, "check", "words", cwd=tmp_path)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+
+
 def test_without_the_package_its_kind_is_told_to_be_unknown(tmp_path: Path) -> None:
     checked = grader(tmp_path, words(tmp_path), "check", str(tmp_path))
     assert checked.returncode == 2
@@ -350,7 +362,9 @@ def test_a_kind_that_cannot_be_loaded_is_told_with_its_package(installed: Path, 
     (broken / "exact_text.py").write_text("import no_such_module\n")
     graded = grader(broken, words(tmp_path), "grade", "words", "turn", str(tmp_path / "models"))
     assert "the exercise kind 'exact-text' (exact_text:ExactText) cannot be loaded" in graded.stderr
-    assert "no_such_module" in graded.stderr and "uninstall grader-exact-text" in graded.stderr
+    assert "No module named 'no_such_module' (exact_text.py, line 1)" in graded.stderr
+    assert "uninstall grader-exact-text" in graded.stderr
+    assert (graded.returncode, "Traceback" in graded.stderr) == (3, False)
 
 
 def test_two_packages_that_claim_one_name_are_refused(installed: Path, tmp_path: Path) -> None:

@@ -33,6 +33,16 @@ def test_every_status_has_a_word_an_icon_and_a_tone() -> None:
     assert len({told.word for told in STATUSES.values()}) == len(Status)
 
 
+def test_a_kind_of_another_package_has_a_box_for_its_films() -> None:
+    film = {"title": "Your targets, let go", "about": "The judge's run.", "runs": [[0.0]]}
+    box = card({"status": "incorrect", "evidence": {"film": film}}).film
+    assert box is not None
+    assert (box.title, box.about, box.choice) == ("Your targets, let go", "The judge's run.", "Your targets, let go")
+    page = templates.env.from_string('{% from "film.html" import film_box %}{{ film_box("id", box) }}').render(box=box)
+    assert "<option>Your targets, let go</option>" in page and "bracket" not in page
+    assert card({"status": "incorrect", "evidence": {"film": {"runs": [[0.0]]}}}).film is None
+
+
 def test_a_withheld_answer_was_received_and_no_more() -> None:
     assert describe_status("needs_review", withheld=True).word == "Received"
     assert describe_status("crashed", withheld=True).word == "Ended with an error"

@@ -14,7 +14,7 @@ import typer
 
 from grader.commands import author, bench, check, demo, grade, new, operate, platforms, serve, teach, tokens
 from grader.commands.options import FAULT, USAGE, complain
-from grader.errors import CallerError, ContentError, InvalidAnswer, JailFault
+from grader.errors import CallerError, ContentError, InvalidAnswer, JailFault, PluginError
 
 STDERR = 2
 
@@ -42,7 +42,7 @@ def main(run: Callable[[], object] = cli) -> None:
     except (CallerError, InvalidAnswer, OSError, UnicodeDecodeError) as error:
         complain(str(error))
         sys.exit(USAGE)
-    except JailFault as error:
+    except (JailFault, PluginError) as error:
         complain(str(error))
         sys.exit(FAULT)
     except ValueError as error:

@@ -1,9 +1,11 @@
 """What plug-ins of every sort share: how an entry point is loaded, and what a kind remarks on an author's keys."""
 
 from importlib.metadata import EntryPoint
+from pathlib import Path
+from traceback import walk_tb
 from typing import Any, NamedTuple
 
-from grader.errors import GraderError
+from grader.errors import PluginError
 
 
 class Remark(NamedTuple):
@@ -15,10 +17,19 @@ class Remark(NamedTuple):
 
 
 def load_point(point: EntryPoint, what: str) -> Any:
-    """Makes what an entry point names; an error calls it `what`. Raises GraderError."""
+    """Makes what an entry point names; an error calls it `what`. Raises PluginError."""
     try:
         return point.load()()
     except Exception as error:  # code of another package: anything may be raised
         package = point.dist.name if point.dist else "its package"
-        why = f"{type(error).__name__}: {error}; correct or uninstall {package}"
-        raise GraderError(f"the {what} {point.name!r} ({point.value}) cannot be loaded: {why}") from error
+        why = f"{describe_error(error, point.module)}; correct or uninstall {package}"
+        raise PluginError(f"the {what} {point.name!r} ({point.value}) cannot be loaded: {why}") from error
+
+
+def describe_error(error: BaseException, module: str) -> str:
+    """Returns what was raised, and the deepest line of the package of `module` that it passed."""
+    package, place = module.partition(".")[0], ""
+    for frame, line in walk_tb(error.__traceback__):
+        if str(frame.f_globals.get("__name__")).partition(".")[0] == package:
+            place = f" ({Path(frame.f_code.co_filename).name}, line {line})"
+    return f"{type(error).__name__}: {' '.join(str(error).split())}{place}"

@@ -9,6 +9,7 @@ from grader.exercises.film import Film, Panel
 from grader.exercises.kind import (
     Ask,
     DrawnCase,
+    ExerciseExample,
     Intervals,
     JudgedTrial,
     Judgement,
@@ -39,6 +40,7 @@ from grader.exercises.running.planning import (
 from grader.exercises.running.progress import Progress, Tell
 from grader.exercises.running.runner import judge_exercise
 from grader.exercises.visible import describe_exercise, list_visible_models
+from grader.numerics.scene import Scene
 from grader.numerics.shares import bound_share
 
 __all__ = [
@@ -49,6 +51,7 @@ __all__ = [
     "ChannelClosed",
     "ClassAxis",
     "DrawnCase",
+    "ExerciseExample",
     "ExerciseParameters",
     "Film",
     "Intervals",
@@ -73,6 +76,7 @@ __all__ = [
     "Range",
     "Real",
     "Results",
+    "Scene",
     "Start",
     "Strict",
     "Tell",

@@ -22,8 +22,8 @@ from grader.questions import ModelXml, Reveal, Takes
 from grader.questions.kinds.script import ScriptQuestion
 
 __all__ = [
-    "Ask", "Content", "DrawnCase", "Intervals", "JudgedTrial", "Judgement", "Kind", "LazyAnswer", "Measurement",
-    "Mistake", "Part", "Results", "TextOf", "Trial",
+    "Ask", "Content", "DrawnCase", "ExerciseExample", "Intervals", "JudgedTrial", "Judgement", "Kind", "LazyAnswer",
+    "Measurement", "Mistake", "Part", "Results", "TextOf", "Trial",
 ]  # fmt: skip
 
 
@@ -153,6 +153,16 @@ class Measurement:
     cpu_s_all: float = CPU_S_MAX
 
 
+@dataclass(frozen=True)
+class ExerciseExample:
+    """A question as its author writes it, without `id` and `kind`; a program that is right, and the other files of the
+    content folder that it needs, by path: models, a starter."""
+
+    question: Mapping[str, Any]
+    right: str
+    files: Mapping[str, str] = field(default_factory=dict)
+
+
 def agree(one: Any, other: Any) -> bool:
     """Whether two values of plain JSON agree: numbers to ALIKE of their size, everything else exactly."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
@@ -168,7 +178,7 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     """A kind of exercise: found by its name through the entry-point group `grader.exercise_kinds`. A kind must define
     `parameters`, `driver`, `build_trials` and `judge`; the rest has defaults.
 
-    `driver` is Python source that runs in the jail, where only the standard library, NumPy and MuJoCo can be
+    `driver` is Python source that runs in the jail, where only the standard library, NumPy, SciPy and MuJoCo can be
     imported. It defines `trial(functions, inputs, submit)`: call the student's functions and submit named arrays of
     finite numbers. It may define `before_import()`, called before the student's module is imported, and finds
     `load_model(xml)` among its names, which returns a new model of an MJCF text. What it raises in a trial counts
@@ -202,6 +212,11 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     mistakes_tell_size: bool = True
     """Whether a sentence of `name_mistake` may tell how far a result is off, which leads to the expected one: twice, in
     degrees. Where the author reveals the direction alone, such a sentence is not shown."""
+
+    def example(self) -> ExerciseExample | None:
+        """Returns an exercise that passes `grader check`: what `grader new exercise` and the desk begin. None: no
+        example."""
+        return None
 
     @abstractmethod
     def build_trials(self, parameters: P, drawn: DrawnCase[Any]) -> Sequence[Trial[Problem]]:
@@ -285,18 +300,20 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     def build_pictures(self, parameters: P, visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
         """Returns the verdict's evidence as plain JSON (lists, no arrays). `charts` is drawn by the student's page: a
         list of {"case": the trial's id, "title", "x": {"label", "log"}, "y": {"label", "log"}, "series": [{"label",
-        "x": [...], "y": [...], "points": whether to draw points}], "marks": [{"y": a value to mark, "label"}]}.
+        "x": [...], "y": [...]}], "marks": [{"y": a value to mark, "label"}]}.
         `motions` is such a list as well. `tables` is a list of {"case", "title", "head": [texts], "rows": [[texts]]}.
-        Students see `charts` and `tables` with the solutions, and `motions`, which show
-        no more than what the learner's own answer did, with the feedback."""
+        `film` is {"title", "about"} for the box of the films, with what `record_films` needs to repeat the learner's
+        own runs, under names of your own. Students see `motions` and `film`, which show no more than what the learner's
+        own answer did, with the feedback; `charts`, `tables` and keys of your own with the solution."""
         return {}
 
     def record_films(
         self, parameters: P, trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any], failed: Collection[str],
         *, timestep_s: float | None = None,
     ) -> Sequence[Film]:  # fmt: skip
-        """Returns films of a verdict. `trials` are the visible ones, as they were judged; `evidence`, and `failed`, the
-        ids of failed trials, are as much of the verdict as the reader may see: a film shows no more than they tell.
+        """Returns films of a verdict, for which the page has a box where `build_pictures` returned a `film`. `trials`
+        are the visible ones, as they were judged; `evidence`, and `failed`, the ids of failed trials, are as much of
+        the verdict as the reader may see: a film shows no more than they tell.
         The evidence may be that of an older version. With `timestep_s`, which the reader has chosen, the runs at this
         timestep [s] alone, where the evidence tells what they show."""
         return ()

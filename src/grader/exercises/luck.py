@@ -72,7 +72,7 @@ def compute_chance_of_case(
         trials = draw(seed)
         if (bound := kind.bound_luck(parameters, trials)) is not None:
             return bound
-        parts = kind.list_accepted(parameters, trials)
+        parts = list_accepted(kind, parameters, trials)
         if parts is None:
             hits = kind.count_lucky(parameters, [draw(other) for other in range(DRAWS)])
             return 1.0 if hits is None else prod(compute_upper_bound(one, DRAWS) for one in hits)
@@ -80,6 +80,20 @@ def compute_chance_of_case(
             return 1.0
         drawn.append(parts)
     return prod(compute_chance_of_part(select_boxes(part)) for part in zip(*drawn, strict=True))
+
+
+def list_accepted(
+    kind: AnyKind, parameters: ExerciseParameters, trials: Sequence[AnyTrial]
+) -> Sequence[Intervals] | None:
+    """Returns what a kind accepts. Raises TypeError where that is no list of lists of intervals."""
+    parts = kind.list_accepted(parameters, trials)
+    try:
+        if parts is None or all(np.asarray(part, dtype=np.float64).shape[1:] == (2,) for part in parts):
+            return parts
+    except (TypeError, ValueError):
+        pass
+    why = "must return a list of lists of intervals, such as [[(0.9, 1.1), (1.9, 2.1)]]"
+    raise TypeError(f"list_accepted {why}, not {parts!r:.100}")
 
 
 def select_boxes(part: Sequence[Intervals]) -> Boxes:

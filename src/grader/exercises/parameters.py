@@ -6,7 +6,8 @@ from functools import lru_cache
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic_core import PydanticCustomError
 
 from grader.domain.numbers import Points, Positive, Range, Value, WholeRange
 
@@ -94,6 +95,14 @@ class ExerciseParameters(Strict):
     luck: Positive = Field(default=1e-6, le=1)
     mistakes: tuple[WrongProgram, ...] = Field(default=(), max_length=8)
     cases: tuple[Case, ...] = Field(min_length=1, max_length=CASES_MAX)
+
+    @field_validator("cases")
+    @classmethod
+    def check_cases(cls, cases: tuple[Case, ...]) -> tuple[Case, ...]:
+        """Returns the cases. Raises PydanticCustomError where a kind that declares its own has none or too many."""
+        if not 1 <= len(cases) <= CASES_MAX:
+            raise PydanticCustomError("cases", "must have 1 to {most} cases", {"most": CASES_MAX})
+        return cases
 
 
 class WrongParameter(ValueError):

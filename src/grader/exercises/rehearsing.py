@@ -1,12 +1,14 @@
 """Finds every fault of an exercise's parameters: reads them, and rehearses the trials of every case."""
 
 import ast
+import json
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from pydantic import ValidationError
 
 from grader.domain.misread import misread
+from grader.domain.plugins import describe_error
 from grader.errors import Fault, GraderError
 from grader.exercises.kind import Content, TextOf
 from grader.exercises.parameters import Case, ExerciseParameters, list_ends, list_keys
@@ -56,9 +58,9 @@ def certify_exercise(
     for index, case in enumerate(parameters.cases):
         try:
             rehearse_case(kind, parameters, content, index, kind.certify)
-        except (ValueError, KeyError, GraderError) as error:
+        except Exception as error:  # code of another package: anything may be raised
             key = f"{question.id}.check.{getattr(error, 'key', f'cases.{index}')}"
-            faults.append(Fault(where, key, f"case {case.id}: {error.args[0]}"))
+            faults.append(Fault(where, key, f"case {case.id}: {explain_refusal(kind, error)}"))
     return faults
 
 
@@ -86,14 +88,24 @@ def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content
             continue
         try:
             trials.extend(rehearse_case(kind, parameters, content, index, kind.rehearse))
-        except (ValueError, KeyError, GraderError) as error:
-            yield getattr(error, "key", key), str(error.args[0])
+        except Exception as error:  # code of another package: anything may be raised
+            yield getattr(error, "key", key), explain_refusal(kind, error)
+    ids_of_trials = [trial.id for trial in trials]
+    if repeated := next((one for one in ids_of_trials if ids_of_trials.count(one) > 1), None):
+        yield "", f"the kind makes several trials with the id {repeated!r}: its build_trials must name each by its case"
     if {trial.case.id for trial in trials if trial.case} == {*ids}:
         try:
             for trial in kind.build_further_trials(parameters, trials):
                 kind.rehearse(parameters, trial)
-        except (ValueError, KeyError) as error:
-            yield getattr(error, "key", ""), str(error.args[0])
+        except Exception as error:  # code of another package: anything may be raised
+            yield getattr(error, "key", ""), explain_refusal(kind, error)
+
+
+def explain_refusal(kind: AnyKind, error: Exception) -> str:
+    """Returns why a kind cannot use what an author wrote, or where it fails itself."""
+    if isinstance(error, ValueError | KeyError | GraderError) and error.args:
+        return str(error.args[0])
+    return f"the kind fails: {describe_error(error, type(kind).__module__)}"
 
 
 def find_wrong_scripts(parameters: ExerciseParameters, content: Content) -> Iterator[tuple[str, str]]:
@@ -134,8 +146,18 @@ def rehearse_case(
     for one in (*ends, case):
         trials = build_case_trials(kind, parameters, one, content, [0, index])
         for trial in trials:
+            check_inputs(trial)
             rehearse(parameters, trial)
     return trials
+
+
+def check_inputs(trial: AnyTrial) -> None:
+    """Raises ValueError for a trial whose inputs cannot be sent to the jail."""
+    for name, inputs in (("inputs", trial.inputs), ("measured", trial.measured)):
+        try:
+            json.dumps(inputs, allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"the kind makes a trial whose `{name}` are no plain JSON: {error}") from error
 
 
 def find_unknown_numbers(parameters: ExerciseParameters, case: Case, key: str) -> Iterator[tuple[str, str]]:

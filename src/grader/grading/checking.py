@@ -4,17 +4,18 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from threading import Lock
 
 from grader.certify.keys import Certified, bound_luck, build_fault, certify_quizzes, propose_for_key
 from grader.certify.remarks import UNVERIFIED, is_decidable
+from grader.domain.plugins import describe_error
 from grader.domain.verdict import Status
 from grader.errors import ContentError, Fault, NotFound
 from grader.exercises import STARTER, TextOf, certify_exercise, plan_exercise, write_lazy_answers, write_wrong_scripts
-from grader.grading.pipeline import Pipeline
+from grader.grading.pipeline import Pipeline, name_module
 from grader.grading.references import ReferenceOutcome, ReferenceProgram, find_references, grade_one, list_mismatches
 from grader.grading.report import Report
 from grader.grading.selection import EVERYTHING, Selection
@@ -65,7 +66,7 @@ def check_content(
         report.faults.append(fault)
         return report
     with ExitStack() as stack:
-        opening, enter = Lock(), cache(lambda: stack.enter_context(pipeline_for(library)))
+        opening, enter = Lock(), cache(lambda: replace(stack.enter_context(pipeline_for(library)), names_faults=True))
 
         def opened() -> Pipeline:  # the jail starts once, for what must run
             with opening:
@@ -169,7 +170,12 @@ class ContentCheck:
     def check_luck(self, quiz_id: str, question: ScriptQuestion) -> None:
         """Reports a fault if an answer that ignores its inputs is too likely to be right in every case."""
         self.doing(f"drawing the cases of {quiz_id} {question.id} 200 times")
-        luck = bound_luck(self.library, question, self.passed)
+        try:
+            luck = bound_luck(self.library, question, self.passed)
+        except Exception as error:  # code of another package: anything may be raised
+            why = f"the kind fails: {describe_error(error, name_module(question))}"
+            self.report.faults.append(Fault(self.library.file(quiz_id), f"{question.id}.check", why))
+            return
         chance = f"a fixed answer passes with a chance of at most {luck.chance:.1e}; {luck.allowed:g} is allowed"
         self.say(f"{quiz_id} {question.id}: {chance}")
         self.report.chances.append(chance)
@@ -188,19 +194,19 @@ class ContentCheck:
             lambda text_of: [*earn_lazily(self.opened(), quiz_id, question, own, text_of)],
             text_of=library.text,
             write=lambda earned: (
-                earned if all(fine and not earns_too_much(*both) for _, *both, fine in earned) else None
+                earned if all(not fault and not earns_too_much(*both) for _, *both, fault in earned) else None
             ),
             read=list,
         )
         self.say(f"{quiz_id} {question.id}: {len(earned)} scripts that do not solve it are tried")
-        for name, points, most, is_judged in earned:
+        for name, points, most, fault in earned:
             if earns_too_much(points, most):
                 why = f"{name} earns {points:g} points, and may earn {most:g} at most"
                 solved = f"take the solution out of {question.starter}" if name == STARTER else ""
                 cure = solved or "give hidden cases other numbers or more points"
                 self.report.faults.append(Fault(library.file(quiz_id), key, f"{why}: {cure}"))
-            if not is_judged:
-                why = f"{name} cannot be judged: the log on stderr says why"
+            if fault:
+                why = f"{name} cannot be judged: {fault}; the log on stderr has the traceback"
                 self.report.faults.append(Fault(library.file(quiz_id), key, why))
 
     def grade_mistakes(self, quiz_id: str, question: ScriptQuestion) -> None:
@@ -279,16 +285,17 @@ def is_below(library: Library, file: str, path: Path) -> bool:
 
 def earn_lazily(
     pipeline: Pipeline, quiz_id: str, question: ScriptQuestion, starter: str | None, text_of: TextOf
-) -> Iterator[tuple[str, float, float, bool]]:
-    """Yields name, points and most points of every script that does not solve the exercise, and whether the grader
-    could judge it."""
+) -> Iterator[tuple[str, float, float, str]]:
+    """Yields name, points and most points of every script that does not solve the exercise, and why it could
+    not be judged."""
     earned: dict[str, float] = {}
     for lazy in write_lazy_answers(question, pipeline.library.model_xml, starter, text_of):
         answer = kind_of(question).from_text(question, lazy.source)
         verdict = pipeline.grade(quiz_id, question.id, answer, choose_seed(f"{quiz_id}/{question.id}/{lazy.name}"))
         earned[lazy.name] = verdict.points
         most = min(lazy.points_max, earned.get(lazy.like, lazy.points_max))
-        yield lazy.name, verdict.points, most, verdict.status is not Status.GRADER_FAULT
+        fault = (verdict.diagnosis or "") if verdict.status is Status.GRADER_FAULT else ""
+        yield lazy.name, verdict.points, most, fault
 
 
 def choose_seed(name: str) -> int:

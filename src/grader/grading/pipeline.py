@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 import structlog
 
+from grader.domain.plugins import describe_error
 from grader.domain.run import Job, RunReport
 from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer, JailFault, ScriptStopped, TooLarge, Unprocessable
@@ -121,11 +122,13 @@ def ignore_progress(*_: object) -> None:
 class Pipeline:
     """Grades against one snapshot of the content. `run` is the jail's; it may raise JailFault. `secret` keys the seeds
     of hidden cases, so that a submission does not give them away. A server passes the installation's secret; a command
-    gets a random one, and so random seeds."""
+    gets a random one, and so random seeds. With `names_faults` a verdict says what failed in the grader: for who writes
+    a kind, never for learners."""
 
     library: Library
     run: Callable[[Job], RunReport] | None = None
     secret: bytes = field(default_factory=lambda: secrets.token_bytes(32), repr=False)
+    names_faults: bool = False
     _kept: dict[tuple[str, int | None], Verdict] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Verdicts on instant answers, by their digest and the seed of drawn numbers: a whole class gives the same few."""
 
@@ -223,9 +226,10 @@ class Pipeline:
                     verdict = verdict.model_copy(update={"evidence": {**verdict.evidence, "drawn": dict(drawn)}})
         except ScriptStopped:
             raise
-        except Exception:
+        except Exception as error:
             log.exception("grading failed", quiz=submission.quiz.id, question=question.id)
-            verdict = build_ungraded(question, Status.GRADER_FAULT, OUR_FAULT)
+            why = describe_error(error, name_module(question)) if self.names_faults else OUR_FAULT
+            verdict = build_ungraded(question, Status.GRADER_FAULT, why)
         timing_ms = {**measured.timing_ms, "total": 1000 * (time.perf_counter() - started)}
         measured = replace(measured, timing_ms=timing_ms)
         return complete(verdict, submission.content_digest, submission.digest, measured)
@@ -283,6 +287,15 @@ class Pipeline:
         judge_ms = 1000 * judge_s
         timing_ms = {"script_cpu": 1000 * report.cpu_s, "script_wall": 1000 * report.wall_s, "judge_cpu": judge_ms}
         return verdict, ScriptOutput(report.stdout, report.stderr, timing_ms)
+
+
+def name_module(question: Question) -> str:
+    """Returns the module of the kind that judges a question."""
+    if not isinstance(question, ScriptQuestion):
+        return type(kind_of(question)).__module__
+    from grader.exercises import load_kinds
+
+    return type(load_kinds()[question.check.kind]).__module__
 
 
 def to_canonical_json(answer: Any) -> str:

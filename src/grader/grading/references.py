@@ -113,7 +113,9 @@ def list_mismatches(reference: ReferenceProgram, outcomes: dict[int, ReferenceOu
         if outcome.got != reference.status:
             name = f"{outcome.got}__{PurePath(reference.file).name.partition('__')[2]}"
             cure = ""
-            if outcome.got in set(Status) and len(counts) == 1:
+            if outcome.got == Status.GRADER_FAULT:
+                cure = "; mend the kind: the log on stderr has the traceback"
+            elif outcome.got in set(Status) and len(counts) == 1:
                 cure = f"; mend it or the exercise, or name the file {name}"
             elif outcome.got == NO_QUESTION:
                 cure = f"; rename the folder {PurePath(reference.file).parent} after it, or remove it"

@@ -14,7 +14,7 @@ from pydantic_core import CoreSchema
 
 from grader.domain.lab import Lab, LabConfig, UnknownLab
 from grader.domain.plugins import load_point
-from grader.errors import GraderError
+from grader.errors import PluginError
 from grader.labs.kind import SCRIPT, TEMPLATE, LabKind, LabSettings
 
 GROUP = "grader.lab_kinds"
@@ -39,25 +39,25 @@ AnyLabKind = LabKind[Any, Any]
 @cache
 def lab_kinds() -> Mapping[str, AnyLabKind]:
     """Returns every installed kind by each of its names, in the order of the names of the entry points. Raises
-    GraderError if two kinds claim one name, or if a kind cannot be loaded or is not whole."""
+    PluginError if two kinds claim one name, or if a kind cannot be loaded or is not whole."""
     found: dict[str, AnyLabKind] = {}
     for point in sorted(entry_points(group=GROUP)):
         kind = load_lab_kind(point)
         for name in kind.names:
             if name in found:
                 what = f"two installed kinds of lab are called {name!r}, one of them in {point.value}"
-                raise GraderError(f"{what}: remove one")
+                raise PluginError(f"{what}: remove one")
             found[name] = kind
     if DEFAULT not in found:
-        raise GraderError(f"the kind of lab {DEFAULT!r} is not installed: install the grader again (`make install`)")
+        raise PluginError(f"the kind of lab {DEFAULT!r} is not installed: install the grader again (`make install`)")
     return found
 
 
 def load_lab_kind(point: EntryPoint) -> AnyLabKind:
-    """Makes the kind of an entry point. Raises GraderError."""
+    """Makes the kind of an entry point. Raises PluginError."""
     kind: AnyLabKind = load_point(point, "lab kind")
     if faults := "; ".join(list_lacks(kind)):
-        raise GraderError(f"the lab kind {point.name!r} ({point.value}) is not whole: {faults}")
+        raise PluginError(f"the lab kind {point.name!r} ({point.value}) is not whole: {faults}")
     return kind
 
 

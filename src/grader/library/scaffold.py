@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from grader.errors import Conflict, ContentError, Fault, NotFound, Unprocessable
+from grader.exercises import load_kinds
 from grader.labs import lab_kinds
 from grader.library.checking.semantics import named_models
 from grader.library.files import QUIZ_BYTES_MAX, list_files, read_text
@@ -128,8 +129,8 @@ def find_sample(kind: str) -> Sample:
 
 
 def find_exercise(kind: str) -> Sample:
-    """Returns an exercise of a kind: the example of scripts, or one of the content that the grader brings along. Raises
-    NotFound."""
+    """Returns an exercise of a kind: the example of scripts, one of the content that the grader brings along, or that
+    of the kind. Raises NotFound."""
     samples = collect_exercises()
     if kind not in samples:
         known = ", ".join(sorted(samples))
@@ -140,7 +141,7 @@ def find_exercise(kind: str) -> Sample:
 def collect_exercises() -> dict[str, Sample]:
     """Returns an exercise of each kind of which there is an example, by kind."""
     samples = dict[str, Sample]()
-    for sample in (*list_scripts(), *list_shipped()):
+    for sample in (*list_scripts(), *list_shipped(), *list_examples()):
         samples.setdefault(sample.question["check"]["kind"], sample)
     return samples
 
@@ -171,6 +172,15 @@ def list_shipped() -> Iterator[Sample]:
                 named += [question["starter"]] if "starter" in question else []
                 *files, right = ((path, (ours / path).read_bytes()) for path in [*sorted(models), *named, programs[0]])
                 yield Sample(question, dict(files), right[1])
+
+
+def list_examples() -> Iterator[Sample]:
+    """Yields the examples of the kinds that have one, such as those of other packages."""
+    for name, kind in load_kinds().items():
+        if (example := kind.example()) is not None:
+            question = {"id": name, "kind": "code", **example.question}
+            files = {path: text.encode() for path, text in example.files.items()}
+            yield Sample(question, files, example.right.encode())
 
 
 def name_sample(sample: Sample, id_: str) -> Sample:

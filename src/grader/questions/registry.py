@@ -14,7 +14,7 @@ from pydantic_core import CoreSchema
 
 from grader.domain.plugins import load_point
 from grader.domain.verdict import Status, Verdict
-from grader.errors import GraderError, InvalidAnswer
+from grader.errors import InvalidAnswer, PluginError
 from grader.questions.drawing import fill_in_middle
 from grader.questions.kind import TEMPLATE, QuestionKind
 from grader.questions.question import Question
@@ -28,24 +28,24 @@ AnyKind = QuestionKind[Any, Any]
 @cache
 def installed_kinds() -> Mapping[str, AnyKind]:
     """Returns every installed kind by each of its names, in the order of the names of the entry points. Raises
-    GraderError if two kinds claim one name, or if a kind cannot be loaded or is not whole."""
+    PluginError if two kinds claim one name, or if a kind cannot be loaded or is not whole."""
     found: dict[str, AnyKind] = {}
     for point in sorted(entry_points(group=GROUP)):
         kind = load_kind(point)
         for name in kind.names:
             if name in found:
-                raise GraderError(f"two installed kinds are called {name!r}, one of them in {point.value}: remove one")
+                raise PluginError(f"two installed kinds are called {name!r}, one of them in {point.value}: remove one")
             found[name] = kind
     if not found:
-        raise GraderError("no kind of question is installed: install the grader again, such as with `make install`")
+        raise PluginError("no kind of question is installed: install the grader again, such as with `make install`")
     return found
 
 
 def load_kind(point: EntryPoint) -> AnyKind:
-    """Makes the kind of an entry point. Raises GraderError."""
+    """Makes the kind of an entry point. Raises PluginError."""
     kind: AnyKind = load_point(point, "question kind")
     if faults := "; ".join(kind_faults(kind)):
-        raise GraderError(f"the question kind {point.name!r} ({point.value}) is not whole: {faults}")
+        raise PluginError(f"the question kind {point.name!r} ({point.value}) is not whole: {faults}")
     return kind
 
 

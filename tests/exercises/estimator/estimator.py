@@ -77,7 +77,7 @@ class EstimatorParameters(ExerciseParameters):
     noise: Positive
     period_s: Positive
     seconds: Positive = Field(le=20)
-    cases: tuple[EstimatorCase, ...] = Field(min_length=1)
+    cases: tuple[EstimatorCase, ...]
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -13,6 +13,7 @@ from pydantic import Field
 from grader.exercises import (
     Case,
     DrawnCase,
+    ExerciseExample,
     ExerciseParameters,
     Intervals,
     JudgedTrial,
@@ -43,7 +44,7 @@ class WordCase(Case):
 class WordParameters(ExerciseParameters):
     """Cases with words."""
 
-    cases: tuple[WordCase, ...] = Field(min_length=1)
+    cases: tuple[WordCase, ...]
 
 
 class ExactText(Kind[WordParameters, str, str]):
@@ -52,6 +53,13 @@ class ExactText(Kind[WordParameters, str, str]):
     parameters = WordParameters
     driver = DRIVER
     needs_model = False
+
+    def example(self) -> ExerciseExample:
+        """Returns an exercise with one word that is shown and two that are drawn."""
+        cases = [{"id": "abba", "word": "abbac"}, {"id": "a", "hidden": True}, {"id": "b", "hidden": True}]
+        question = {"q": "Write <code>turn(word)</code>: the word backwards.", "entry": "turn"}
+        check = {"kind": "exact-text", "cases": cases}
+        return ExerciseExample({**question, "check": check}, "def turn(word):\n    return word[::-1]\n")
 
     def build_trials(self, parameters: WordParameters, drawn: DrawnCase[WordCase]) -> Sequence[Trial[str]]:
         """Returns one call."""

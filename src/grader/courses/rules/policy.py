@@ -33,7 +33,7 @@ DIRECTION_FINDING_FIELDS = ("id", "title", "passed", "points", "max_points", "di
 FINDING_FIELDS = (*DIRECTION_FINDING_FIELDS, "message", "measured")
 RECEIPT_TIMES = ("script_cpu", "script_wall")
 """Times of the learner's own script. Judging takes longer where it searches for the mistake behind a wrong answer."""
-DIRECTION_EVIDENCE = ("drawn", "option", "value", "unit", "angles", "claims", "tableau", "models", "motions")
+DIRECTION_EVIDENCE = ("drawn", "option", "value", "unit", "angles", "claims", "tableau", "models", "motions", "film")
 """Pictures of the learner's own answer, and the numbers that were drawn for them."""
 FEEDBACK_EVIDENCE = (*DIRECTION_EVIDENCE, "differences", "motion", "order")
 """Pictures that show how far it is off as well. `limits` and `stability` are the solution's: they tell the limit."""

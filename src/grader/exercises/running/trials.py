@@ -45,7 +45,7 @@ def judge_trial(
         if isinstance(measured, Unmeasured):
             return Judgement(False, measured.why, None, measured.detail), measured.status
         results = measured
-    judgement = kind.judge(plan.parameters, trial, results)
+    judgement = require_judgement(kind.judge(plan.parameters, trial, results))
     return judgement, Status.CRASHED if judgement.crashed else None
 
 
@@ -57,8 +57,15 @@ def judge_played(
     if index not in records:
         raised = read_raised(results, trial)
         return raised or Judgement(False, ENDED, None), Status.CRASHED
-    judgement = kind.judge(plan.parameters, trial, records[index])
+    judgement = require_judgement(kind.judge(plan.parameters, trial, records[index]))
     return judgement, Status.CRASHED if judgement.crashed else None
+
+
+def require_judgement(judgement: Any) -> Judgement[Any]:
+    """Returns what a kind's `judge` returned. Raises TypeError where that is no Judgement."""
+    if not isinstance(judgement, Judgement):
+        raise TypeError(f"judge must return a Judgement, not {judgement!r:.100}")
+    return judgement
 
 
 def select_results(results: Results, index: int) -> dict[str, NDArray[np.generic]]:

@@ -121,6 +121,13 @@ class Chart(Part):
     marks: list[Mark] = []
 
 
+class OwnFilm(Part):
+    """What the box of the films says that a kind of exercise records of the learner's own runs."""
+
+    title: str
+    about: str = ""
+
+
 class Geom(Part):
     """A geom of a model: MuJoCo's sizes [m], place [m] and rotation matrix by rows."""
 

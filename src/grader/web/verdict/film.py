@@ -16,6 +16,8 @@ class FilmBox:
     title: str
     about: str
     has_distance: bool = False
+    choice: str = "At the lower end of your bracket"
+    """The title of the first film, until they are there."""
     timesteps_ms: tuple[float, float, float] | None = None
     """The range of timesteps that the reader may choose, and the claimed one; None where that would tell the limits."""
     limits: str = ""
@@ -30,6 +32,8 @@ def describe_film(evidence: Mapping[str, Any]) -> FilmBox | None:
             "Two runs under the same force, one clock. The dashed outline over yours is the right one.",
             has_distance=True,
         )
+    if (own := read.read_one(evidence, "film", read.OwnFilm)) is not None:
+        return FilmBox(own.title, own.about, choice=own.title)
     claims = read.read_list(evidence, "claims", read.Claim)
     if not any(claim.claim_ms or claim.said_none for claim in claims):
         return None
