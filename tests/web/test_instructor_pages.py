@@ -139,6 +139,17 @@ def test_pages_of_a_quiz_open_at_the_one_that_was_answered_last(site: Site, tina
             assert f'<option value="{quiz}" selected>' in page(tina, f"/instructor/{path}"), path
 
 
+def test_today_leads_to_those_who_have_not_begun_what_is_due(site: Site, tina: httpx.Client) -> None:
+    answer(site.client("ann"), "2-graded", "which", 1)
+    site.client("zoe")
+    today = page(tina, "/instructor")
+    assert '<a href="/instructor/dates?quiz=2-graded">' in today
+    [link] = re.findall(r'href="(/instructor/gradebook[^"]*)">1 of 2<', today)
+    assert link == "/instructor/gradebook?quiz=2-graded#absent"
+    [absent] = re.findall(r'<section [^>]*id="absent">.*?</section>', page(tina, link), re.DOTALL)
+    assert words(absent) == "1 has not begun this quiz zoe"
+
+
 def test_the_plots_say_which_question_tells_nothing() -> None:
     def one(name: str, value: float, low: float, high: float) -> QuestionStatistics:
         share = Estimate(0.5, 0.3, 0.7, 30)
