@@ -5,6 +5,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from itertools import product
 from math import fsum
+from typing import Any
 
 import pytest
 from sqlalchemy import delete, select
@@ -104,7 +105,7 @@ def test_sums_by_quiz_are_those_of_a_computation_from_scratch(database: Database
         theirs: dict[str, list[Result]] = defaultdict(list)
         for one in session.scalars(select(Result)):
             theirs[one.learner].append(one)
-        expected = {
+        expected: Any = {
             learner: {COURSE.quiz: (
                 pytest.approx(fsum(
                     one.points for one in several if not reviewer or (learner, one.question) not in unseen
