@@ -128,6 +128,24 @@ def test_the_gradebook_has_a_row_for_each_learner_and_none_for_instructors(eithe
     assert tina.get(f"{API}/gradebook.csv?format=excel").status_code == 422
 
 
+def test_the_gradebook_of_all_quizzes_has_a_sum_for_each(either_site: Site) -> None:
+    """The totals are those of the gradebook by question; what waits for its first mark is no zero."""
+    ann, bob, tina = either_site.client("ann"), either_site.client("bob"), either_site.client("tina", "instructor")
+    hand_in(ann, "q1", 1)
+    hand_in(ann, "q2", "5 ms")
+    hand_in(bob, "q4", "Because.")
+
+    def rows(**params: str) -> list[dict[str, str]]:
+        return list(csv.DictReader(io.StringIO(tina.get(f"{API}/gradebook.csv", params=params).text)))
+
+    sums = rows(by="quiz")
+    assert [(row["user"], row["small"], row["points"]) for row in sums] == [("ann", "2", "2"), ("bob", "", "0")]
+    total = ("user", "points", "max_points")
+    assert [[row[name] for name in total] for row in sums] == [[row[name] for name in total] for row in rows()]
+    assert "A small quiz" in rows(by="quiz", format="canvas")[0]
+    assert tina.get(f"{API}/gradebook.csv?by=lesson").status_code == 422
+
+
 def test_statistics_count_options_wrong_numbers_and_mistakes(either_site: Site) -> None:
     tina = either_site.client("tina", "instructor")
     for n, (option, number) in enumerate([(0, "5000 ms"), (0, "5000 ms"), (1, "5 ms"), (2, "6 ms")]):

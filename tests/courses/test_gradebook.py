@@ -118,6 +118,12 @@ def test_equal_and_empty_titles_are_told_apart() -> None:
     assert headings(columns, Form.MOODLE) == ["Check [a/q1]", "Check [a/q2]", "Section", "[a/q4]"]
 
 
+def test_the_column_of_a_quiz_bears_its_id() -> None:
+    columns = [Column("a", "", "Check", 2), Column("b", "", "Check", 1)]
+    assert headings(columns, Form.GENERIC) == ["a", "b"]
+    assert headings(columns, Form.CANVAS) == ["Check [a]", "Check [b]"]
+
+
 # -- a reader that acts like Canvas's importer -------------------------------------------------------------------------
 
 

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from grader.courses.rules.similarity import find_alike, hash_given, mark_lines, take_fingerprints
+from grader.courses.rules.similarity import Alike, find_alike, group_pairs, hash_given, mark_lines, take_fingerprints
 
 BISECTION = """
 def is_stable(model, h):
@@ -43,12 +43,34 @@ def largest(model):
 def test_a_renamed_copy_is_found_and_its_lines_are_marked() -> None:
     scripts = {name: take_fingerprints(text) for name, text in
                {"ann": BISECTION, "bob": RENAMED, "cem": OTHER}.items()}  # fmt: skip
-    [pair] = find_alike(scripts)
+    [group] = find_alike(scripts)
+    [pair] = group.pairs
     assert (pair.one, pair.other) == ("ann", "bob")
     assert pair.share > 0.95
     marked = mark_lines(scripts["bob"], scripts["ann"])
     assert len(marked) >= 15
     assert mark_lines(scripts["cem"], scripts["ann"]) == set()
+
+
+def test_ten_equal_scripts_are_one_group_with_each_member_once() -> None:
+    """They make 45 pairs. Two others, alike too, are a group of their own."""
+    names = [f"learner {place}" for place in range(10)]
+    copies = {name: take_fingerprints(BISECTION) for name in names}
+    upside_down = "\n".join(reversed(BISECTION.splitlines()))
+    others = {name: take_fingerprints(upside_down) for name in ("ann", "bob")}
+    alone = {f"alone {place}": take_fingerprints("") for place in range(30)}
+    many, two = sorted(find_alike({**copies, **others, **alone}), key=lambda group: -len(group.pairs))
+    assert sorted(many.closest) == names
+    assert len(many.pairs) == 45
+    assert two.closest == {"ann": "bob", "bob": "ann"}
+
+
+def test_a_chain_of_pairs_is_one_group() -> None:
+    """The first and the last share nothing: each stands beside the one it shares most with."""
+    pairs = [Alike("a", "b", 9, 0.9), Alike("d", "e", 8, 0.8), Alike("b", "c", 7, 0.7)]
+    chain, other = group_pairs(pairs)
+    assert chain.closest == {"a": "b", "b": "a", "c": "b"}
+    assert other.pairs == (pairs[1],)
 
 
 def test_the_starter_is_left_out() -> None:

@@ -43,6 +43,8 @@ PAGES = (
     "/instructor/people",
     "/instructor/extensions?quiz=large",
     "/instructor/statistics?quiz=large",
+    "/instructor/gradebook",
+    "/instructor/gradebook?by=points&start=4900",
     "/instructor/gradebook?quiz=large",
     "/instructor/gradebook?quiz=large&start=4900",
     "/instructor/gradebook?quiz=large&by=points",
@@ -54,6 +56,7 @@ PAGES = (
 WHOLE_COURSE = (
     "/api/v1/quizzes/large/statistics",
     "/api/v1/gradebook.csv?quiz=large",
+    "/api/v1/gradebook.csv?by=quiz",
     "/instructor/statistics?quiz=large",
 )
 """What reads every result of the quiz after a change."""

@@ -5,6 +5,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from itertools import product
 from math import fsum
+from typing import Any
 
 import pytest
 from sqlalchemy import delete, select
@@ -86,10 +87,33 @@ def from_scratch(session: Session, wanted: Ranking) -> list[tuple[str, str]]:
 def test_a_page_has_whom_a_computation_from_scratch_has(
     database: Database, show: str, find: str, reviewer: str
 ) -> None:
-    of_quiz = (COURSE.name, COURSE.quiz, COURSE.questions, {COURSE.learner(0)})
+    of_quiz = (COURSE.name, [COURSE.quiz], COURSE.questions, {COURSE.learner(0)})
     with database.read() as session:
         for by, descending in product(ORDERS, (False, True)):
             wanted = Ranking(*of_quiz, find, show, by, descending, reviewer)
             everybody = from_scratch(session, wanted)
             assert results.ranked(session, wanted, 0, 100) == everybody
             assert results.ranked(session, wanted, 2, 3) == everybody[2:5]
+
+
+@pytest.mark.parametrize("reviewer", ["", REVIEWER])
+def test_sums_by_quiz_are_those_of_a_computation_from_scratch(database: Database, reviewer: str) -> None:
+    learners = [COURSE.learner(number) for number in range(COURSE.learners)]
+    wanted = Ranking(COURSE.name, [COURSE.quiz, "of nobody"], COURSE.questions, reviewer=reviewer)
+    with database.read() as session:
+        unseen = {(row.learner, row.question) for row in unseen_marks(session, COURSE.name, reviewer)}
+        theirs: dict[str, list[Result]] = defaultdict(list)
+        for one in session.scalars(select(Result)):
+            theirs[one.learner].append(one)
+        expected: Any = {
+            learner: {COURSE.quiz: (
+                pytest.approx(fsum(
+                    one.points for one in several if not reviewer or (learner, one.question) not in unseen
+                )),
+                len(several), not all(one.is_final for one in several),
+            )}
+            for learner in learners for several in [theirs[learner]] if several
+        }  # fmt: skip
+        found = results.sums_of_learners(session, wanted, learners)
+    assert {learner: sums for learner, sums in found.items() if sums} == expected
+    assert unseen

@@ -298,7 +298,9 @@ def test_scripts_that_look_alike_are_for_instructors_alone(
 ) -> None:
     names = in_database(settings, hand_in_alike)
     desk.goto("/instructor/alike?what=1.3-exercises/servo-threshold")
-    desk.locator("tbody a").filter(has_text=names[0]).filter(has_text=names[1]).click()
+    row = desk.locator("tbody tr").filter(has_text=names[0]).filter(has_text=names[1])
+    assert sorted(desk.locator("tbody a").all_inner_texts()) == sorted(set(desk.locator("tbody a").all_inner_texts()))
+    row.get_by_role("link", name=names[0], exact=True).click()
     expect(desk.locator(".columns h2")).to_have_count(2)
     assert set(desk.locator(".columns h2").all_inner_texts()) == set(names)
     for side in desk.locator(".columns section").all():
@@ -307,6 +309,55 @@ def test_scripts_that_look_alike_are_for_instructors_alone(
     name, _ = find_learner(settings, has_solved=True)
     page = enter(browser, origin, settings, name, Role.STUDENT)
     assert page.goto("/instructor/alike").status == 403  # type: ignore[union-attr]
+
+
+def test_a_long_story_is_one_line_a_question_and_opens_where_a_link_leads(desk: Page, settings: Settings) -> None:
+    name, _ = find_learner(settings, has_solved=False)
+    desk.goto("/instructor/gradebook")
+    desk.get_by_role("link", name=name, exact=True).first.click()
+    questions = desk.locator("details.asked-question")
+    assert questions.count() > 6
+    opened = desk.locator("details.asked-question[open]")
+    assert opened.count() == opened.filter(has=desk.locator(".notice")).count() < 3  # what is under review is told
+    desk.goto(f"{desk.url}#1.3-exercises--servo-threshold")
+    expect(opened.filter(has_text="The largest stable timestep")).to_have_count(1)
+    expect(desk.locator("[id='1.3-exercises--servo-threshold'] .story").first).to_be_visible()
+
+
+def test_a_script_is_seen_before_its_question(desk: Page, settings: Settings) -> None:
+    _, script = find_learner(settings, has_solved=False)
+    desk.goto(f"/instructor/review/{script}")
+    expect(desk.locator(".source-lines .number").first).to_be_in_viewport(ratio=1)
+    question = desk.locator("details").filter(has_text="Write largest_stable_timestep")
+    question.get_by_text("Question", exact=True).click()
+    expect(question.locator(".prose")).to_be_visible()
+
+
+def test_a_certified_key_is_one_line_until_it_is_opened(desk: Page) -> None:
+    desk.goto("/instructor/certificates")
+    row = desk.locator("tr").filter(has_text="1.3-check q2")
+    expect(row.get_by_text("Simulated")).to_be_hidden()
+    row.locator("summary").first.click()
+    expect(row.get_by_text("Simulated")).to_be_visible()
+    remarked = desk.locator("tr").filter(has_text="1.3-check q3")
+    expect(remarked.get_by_text("Stable here too")).to_be_visible()
+
+
+def test_what_is_set_is_saved_without_scrolling(desk: Page) -> None:
+    desk.goto("/instructor/dates?quiz=1.3-exercises")
+    expect(desk.get_by_role("button", name="Save")).to_be_in_viewport(ratio=1)
+    desk.goto("/instructor/extensions?quiz=1.3-exercises")
+    expect(desk.get_by_role("heading", name="Give single learners more time in 1.3-exercises")).to_be_visible()
+    desk.get_by_role("link", name="Dates and rules").last.click()
+    expect(desk.get_by_role("combobox", name="Quiz")).to_have_value("1.3-exercises")
+
+
+def test_a_quiz_is_named_more_quietly_than_its_question(desk: Page) -> None:
+    desk.goto("/instructor/review?which=submissions")
+    row = desk.locator("[data-submissions] th").first
+    weight = "it => getComputedStyle(it).fontWeight"
+    assert row.locator(".meta").evaluate(weight) == "400"
+    assert row.evaluate(weight) == "600"
 
 
 def test_without_a_session_the_pages_ask_to_sign_in(origin: str) -> None:

@@ -36,6 +36,7 @@ PAGES = {
     "stuck": "/instructor/stuck",
     "review": "/instructor/review",
     "gradebook": "/instructor/gradebook?quiz=small",
+    "gradebook of all quizzes": "/instructor/gradebook",
     "statistics": "/instructor/statistics?quiz=small",
     "scripts alike": "/instructor/alike",
     "people": "/instructor/people",
@@ -205,6 +206,35 @@ def test_the_gradebook_is_sorted_filtered_and_told_without_scripts(teacher: Brow
     expect(page.locator("main")).to_contain_text("answered c")
     expect(page.locator("main")).to_contain_text("1 answer is under review without a name")
     expect(page.locator("main")).not_to_contain_text(HOSTILE)
+    context.close()
+
+
+def test_the_gradebook_of_the_course_has_a_column_for_every_quiz(teacher: BrowserContext, site: Site) -> None:
+    assert teacher.browser is not None
+    context = teacher.browser.new_context(
+        base_url=site.origin, java_script_enabled=False, storage_state=teacher.storage_state()
+    )
+    page = context.new_page()
+    page.goto("/instructor")
+    page.get_by_role("link", name="Grades").click()
+    heads = page.locator("thead th")
+    expect(heads).to_have_text(["Learner ↑", "essay of 4", "small of 4", "Answered", "Points of 8"])
+    expect(page.get_by_role("row", name="ann").locator("td")).to_have_text(
+        ["–Not answered", "2 waits, 3 of 4 answered", "3", "2"]
+    )
+    expect(page.get_by_role("row", name="bob").locator("td").nth(1)).to_have_text("waits, 3 of 4 answered")
+    page.get_by_role("link", name="Points of 8").click()
+    page.get_by_role("link", name="Points of 8").click()
+    assert learners(page) == ["ann", "=eve", "cem", "bob", "dee"]
+    with page.expect_download() as download:
+        page.get_by_role("link", name="CSV", exact=True).click()
+    heading = download.value.path().read_text().splitlines()[0]
+    assert heading == "user,id,email,essay,small,points,max_points"
+    page.get_by_role("link", name="small").click()
+    expect(page.get_by_label("Quiz")).to_have_value("small")
+    page.get_by_label("Quiz").select_option("all quizzes")
+    page.get_by_role("button", name="Show").click()
+    expect(heads.nth(1)).to_have_text("essay of 4")
     context.close()
 
 

@@ -135,8 +135,19 @@ def test_pages_of_a_quiz_open_at_the_one_that_was_answered_last(site: Site, tina
     ann = site.client("ann")
     for quiz, question, given in (("2-graded", "which", 1), ("small", "q1", 1), ("2-graded", "why", "Because.")):
         answer(ann, quiz, question, given)
-        for path in ("statistics", "gradebook", "dates", "extensions"):
+        for path in ("statistics", "dates", "extensions"):
             assert f'<option value="{quiz}" selected>' in page(tina, f"/instructor/{path}"), path
+
+
+def test_today_leads_to_those_who_have_not_begun_what_is_due(site: Site, tina: httpx.Client) -> None:
+    answer(site.client("ann"), "2-graded", "which", 1)
+    site.client("zoe")
+    today = page(tina, "/instructor")
+    assert '<a href="/instructor/dates?quiz=2-graded">' in today
+    [link] = re.findall(r'href="(/instructor/gradebook[^"]*)">1 of 2<', today)
+    assert link == "/instructor/gradebook?quiz=2-graded#absent"
+    [absent] = re.findall(r'<section [^>]*id="absent">.*?</section>', page(tina, link), re.DOTALL)
+    assert words(absent) == "1 has not begun this quiz zoe"
 
 
 def test_the_plots_say_which_question_tells_nothing() -> None:
@@ -216,7 +227,9 @@ def test_pages_keep_answers_under_review_and_first_marks_from_reviewers(site: Si
         assert "under review without a name" in page(client, seen_as)
     decide(tina, made["id"], "review", 3.25)
     assert '<small aria-hidden="true">3.25</small>' in page(tina, book)
-    assert "3.25" not in page(tom, book) + page(tom, story) + page(tom, seen_as)
+    whole = "/instructor/gradebook"
+    assert "3.25" in page(tina, whole)
+    assert "3.25" not in page(tom, book) + page(tom, story) + page(tom, seen_as) + page(tom, whole)
     assert "3.25" not in page(tom, "/instructor/statistics?quiz=2-graded")
     assert "UNDER REVIEW" not in page(tom, story) + page(tom, seen_as)
     assert tom.get(reel).status_code == 404

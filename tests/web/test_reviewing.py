@@ -219,3 +219,23 @@ def test_an_answer_is_left_to_others_and_no_other_site_can_decide(
     vic.locator("[data-submissions] button").first.click()
     vic.get_by_role("button", name="Leave it to others").click()
     expect(vic.locator("[data-submissions]")).not_to_contain_text("have it open")
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_the_decision_is_on_the_screen_before_anything_is_scrolled(
+    settings: Settings, origin: str, browser: Chromium, clients: ExitStack, *, scripts: bool
+) -> None:
+    """Of a form that is longer than the screen, which is narrow enough for a column beside the answer."""
+    token = issue_token(settings, "cem-learner", "student", None)
+    client = clients.enter_context(httpx.Client(base_url=origin, headers={"Authorization": f"Bearer {token}"}))
+    answer = {"quiz": "small", "question": "q4", "answer": "Because."}
+    made = client.post(f"{API}/submissions", json=answer).json()["id"]
+    tina = desk_of(browser, origin, settings, "tina", scripts=scripts)
+    tina.set_viewport_size({"width": 1280, "height": 480})
+    tina.goto(f"/instructor/review/{made}")
+    form = tina.get_by_role("form", name="Review")
+    box = form.bounding_box()
+    assert box is not None
+    assert box["y"] + box["height"] > 480
+    for name in ("Decide and next", "Decide"):
+        expect(form.get_by_role("button", name=name, exact=True)).to_be_in_viewport(ratio=1)

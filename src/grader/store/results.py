@@ -151,10 +151,10 @@ def points_by_learner(session: Session, course: str, quizzes: Sequence[str]) -> 
 
 @dataclass(frozen=True)
 class Ranking:
-    """Which learners of a quiz are looked for, and in which order. `questions` is their number in the quiz."""
+    """Which learners of some quizzes are looked for, and in which order. `questions` is their number in these."""
 
     course: str
-    quiz: str
+    quizzes: Sequence[str]
     questions: int
     without: Collection[str] = ()
     find: str = ""
@@ -173,16 +173,12 @@ ORDERS = ("name", "points", "answered")
 
 
 def ranked(session: Session, wanted: Ranking, start: int, limit: int) -> list[tuple[str, str]]:
-    """The ids and names of at most `limit` learners of a quiz after the first `start`. Sums up what the order and the
+    """The ids and names of at most `limit` learners of quizzes after the first `start`. Sums up what the order and the
     filter need, and nothing else: the index alone tells who has results, and how many."""
     key: ColumnElement[Any] = func.count()
     if wanted.by == "points":
-        seen: SQLColumnExpression[float] = Result.points
-        if wanted.reviewer:
-            place = tuple_(Result.learner, Result.quiz, Result.question)
-            seen = case((place.in_(unseen_places(wanted.course, wanted.reviewer)), 0.0), else_=Result.points)
-        key = func.sum(seen)
-    theirs = (Result.course == wanted.course, Result.quiz == wanted.quiz, Result.learner.not_in(wanted.without))
+        key = func.sum(_seen_points(wanted))
+    theirs = (Result.course == wanted.course, _among(wanted.quizzes), Result.learner.not_in(wanted.without))
     each = select(Result.learner, key.label("key")).where(*theirs).group_by(Result.learner)
     if wanted.show == "waiting":
         each = each.having(func.min(Result.is_final.cast(Integer)) == 0)
@@ -196,6 +192,33 @@ def ranked(session: Session, wanted: Ranking, start: int, limit: int) -> list[tu
     first, *then = (Folded(name),) if wanted.by == "name" else (found.c.key, Folded(name))
     order = (first.desc() if wanted.descending else first, *then, found.c.learner)
     return [(row[0], row[1]) for row in session.execute(rows.order_by(*order).offset(start).limit(limit))]
+
+
+def _seen_points(wanted: Ranking) -> SQLColumnExpression[float]:
+    """The points of a result; 0 for a first mark that the reviewer must not see yet."""
+    if not wanted.reviewer:
+        return Result.points
+    place = tuple_(Result.learner, Result.quiz, Result.question)
+    return case((place.in_(unseen_places(wanted.course, wanted.reviewer)), 0.0), else_=Result.points)
+
+
+class QuizSum(NamedTuple):
+    """The results of a learner in a quiz: their points and number, and whether one of them waits."""
+
+    points: float
+    answered: int
+    waits: bool
+
+
+def sums_of_learners(session: Session, wanted: Ranking, learners: Sequence[str]) -> dict[str, dict[str, QuizSum]]:
+    """The sums of some learners by quiz. They come out of the index alone."""
+    points, final = func.sum(_seen_points(wanted)), func.min(Result.is_final.cast(Integer))
+    here = (Result.course == wanted.course, _among(wanted.quizzes), Result.learner.in_(learners))
+    each = select(Result.learner, Result.quiz, points, func.count(), final).where(*here)
+    found: dict[str, dict[str, QuizSum]] = {learner: {} for learner in learners}
+    for learner, quiz, total, answered, is_final in session.execute(each.group_by(Result.quiz, Result.learner)):
+        found[learner][quiz] = QuizSum(total, answered, not is_final)
+    return found
 
 
 AT_PAGE = (Result.course, Result.learner, Result.quiz, Result.question, Result.points, Result.max_points,

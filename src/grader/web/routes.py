@@ -11,6 +11,7 @@ from grader.web.instructor import (
     dates,
     extensions,
     gradebook,
+    learner_story,
     people,
     platforms,
     regrades,
@@ -26,8 +27,8 @@ from grader.web.signing_in import devices, links, oidc
 
 router = APIRouter(include_in_schema=False)
 for room in (pages, media, answering, links, oidc, devices, today, review_list, review, review_script, people,
-             gradebook, reel, statistics, extensions, service, seen_as, regrades, lti, platforms, courses, dates,
-             answers_page, scripts_page, slides, learner_page, alike_page, draft):  # fmt: skip
+             gradebook, learner_story, reel, statistics, extensions, service, seen_as, regrades, lti, platforms,
+             courses, dates, answers_page, scripts_page, slides, learner_page, alike_page, draft):  # fmt: skip
     router.routes.extend(room.router.routes)
 
 

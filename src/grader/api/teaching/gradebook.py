@@ -1,6 +1,7 @@
 """`/gradebook.csv`: the points that count, of every learner, for a spreadsheet or an LMS."""
 
 import json
+import math
 from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from functools import lru_cache
@@ -14,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.namesakes import marks_in
 from grader.courses.reviewing.blinding import unseen_by
-from grader.courses.rules.gradebook import Column, Form, Row, gradebook_csv
+from grader.courses.rules.gradebook import Column, Form, Row, Unit, gradebook_csv
 from grader.domain.markup import plain_text
 from grader.gate.callers import IfNoneMatch, Staff, api_router
 from grader.gate.conditional import etag_of, is_unchanged
@@ -45,6 +46,7 @@ def export_gradebook(
     quiz: Annotated[str | None, Query(max_length=64)] = None,
     form: Annotated[Form, Query(alias="format")] = Form.GENERIC,
     *,
+    by: Unit = Unit.QUESTION,
     bom: bool = False,
     known: IfNoneMatch = "",
 ) -> Response:
@@ -52,11 +54,13 @@ def export_gradebook(
 
     Then one without points for each who has not begun, if more than a browser session knows them. In the generic form
     `user` is the learner's name, which several may bear, and `id` tells them apart; for Canvas a mark follows the name.
-    An instructor who must not see a first mark yet gets an empty cell in its place.
+    An instructor who must not see a first mark yet gets an empty cell in its place. With `by=quiz` a column has the sum
+    of a quiz.
     """
     library = services.content.of(who.course).library
     quizzes = list(library.quizzes.values()) if quiz is None else [library.quiz(quiz)]
-    columns, ids = columns_of(quizzes), [one.id for one in quizzes]
+    columns = columns_of(quizzes) if by is Unit.QUESTION else quiz_columns(quizzes)
+    ids = [one.id for one in quizzes]
     with services.database.read() as session:
         instructors = results.instructors(session, who.course)
         state = results.state(session, who.course, ids)
@@ -68,6 +72,8 @@ def export_gradebook(
         if is_unchanged(known, etag):
             return Response(status_code=304, headers={"ETag": etag})
         present = read_rows(session, who.course, ids, instructors, unseen, marks=marks)
+        if by is Unit.QUIZ:
+            present = [sum_up(row, quizzes) for row in present]
         body = "".join(gradebook_csv([*present, *absent], columns, form, bom=bom)).encode()
     name = f"gradebook{'' if quiz is None else f'-{quiz}'}.csv"
     headers = {"ETag": etag, "Content-Disposition": f'attachment; filename="{name}"'}
@@ -81,6 +87,25 @@ def columns_of(quizzes: Sequence[Quiz]) -> list[Column]:
         for quiz in quizzes
         for question in quiz.questions
     ]
+
+
+def quiz_columns(quizzes: Sequence[Quiz]) -> list[Column]:
+    """A column for every quiz that has questions."""
+    return [
+        Column(quiz.id, "", plain_text(quiz.title), math.fsum(one.points for one in quiz.questions))
+        for quiz in quizzes
+        if quiz.questions
+    ]
+
+
+def sum_up(row: Row, quizzes: Sequence[Quiz]) -> Row:
+    """The row with a sum for each quiz; none where no question of it has points yet."""
+    sums = {}
+    for quiz in quizzes:
+        known = [row.points.get((quiz.id, one.id)) for one in quiz.questions]
+        if any(points is not None for points in known):
+            sums[quiz.id, ""] = math.fsum(filter(None, known))
+    return row._replace(points=sums)
 
 
 def title_of(quiz: Quiz, question: Question) -> str:

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 from grader.courses.people.identity import Identity
 from grader.courses.reporting.class_answers import ClassReader
 from grader.courses.reviewing.desk import Desk
-from grader.courses.rules.similarity import Alike, Fingerprints, find_alike, hash_given, mark_lines, take_fingerprints
+from grader.courses.rules.similarity import Fingerprints, Group, find_alike, hash_given, mark_lines, take_fingerprints
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.library import Library
 from grader.library.files import list_files, read_text
@@ -28,7 +28,7 @@ class AlikeAt:
     quiz: str
     question: str
     compared: int
-    pairs: tuple[Alike, ...]
+    groups: tuple[Group, ...]
     names: Mapping[str, str]
     sources: Mapping[str, str]
     fingerprints: Mapping[str, Fingerprints]
@@ -49,8 +49,8 @@ def compare_scripts(
     sources = {row.id: read_source(row.answer) for row in submissions.several(session, list(names))}
     given = hash_given(list_given(desk.library, quiz, question))
     fingerprints = {one: take_fingerprints(source, given) for one, source in sources.items() if source}
-    pairs = tuple(find_alike(fingerprints))
-    return AlikeAt(quiz, question.id, len(fingerprints), pairs, names, sources, fingerprints)
+    groups = tuple(find_alike(fingerprints))
+    return AlikeAt(quiz, question.id, len(fingerprints), groups, names, sources, fingerprints)
 
 
 def list_exercises(library: Library) -> list[tuple[str, Question]]:

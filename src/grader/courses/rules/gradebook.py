@@ -14,6 +14,13 @@ from grader.courses.rules.csv_cells import BOM, guarded, lines
 from grader.domain.verdict import POINT_DIGITS
 
 
+class Unit(StrEnum):
+    """What has a column."""
+
+    QUESTION = "question"
+    QUIZ = "quiz"
+
+
 class Form(StrEnum):
     """Which columns say who a learner is."""
 
@@ -24,13 +31,19 @@ class Form(StrEnum):
 
 @dataclass(frozen=True)
 class Column:
-    """One question. `lms_id` is the number of its assignment in Canvas: without it Canvas creates a new assignment."""
+    """One question; or a quiz as a whole, with an empty `question`. `lms_id` is the number of its assignment in Canvas:
+    without it Canvas creates a new assignment."""
 
     quiz: str
     question: str
     title: str
     max_points: float
     lms_id: str = ""
+
+    @property
+    def name(self) -> str:
+        """What tells the column from all others."""
+        return f"{self.quiz}/{self.question}" if self.question else self.quiz
 
 
 class Row(NamedTuple):
@@ -117,16 +130,16 @@ def no_points_row(name: str) -> str:
 
 
 def headings(columns: Sequence[Column], form: Form) -> list[str]:
-    """One heading for each column: `quiz/question` in the generic form, else the title. Canvas takes the points of both
-    columns from the first where two have one heading: `[quiz/question]` is appended to repeated titles, and to those
+    """One heading for each column: its name in the generic form, else the title. Canvas takes the points of both
+    columns from the first where two have one heading: `[name]` is appended to repeated titles, and to those
     that end like the id of an assignment. Titles that look like a total, which it would drop, are replaced. A title
     that no assignment has makes a new one, so titles should stay as they are."""
     if form is Form.GENERIC:
-        return [guarded(f"{column.quiz}/{column.question}") for column in columns]
+        return [guarded(column.name) for column in columns]
     titles = [" ".join(column.title.split()) for column in columns]
     taken = Counter([*titles, *LEARNER[form]])
     unique = [
-        title if taken[title] == 1 and title else f"{title} [{column.quiz}/{column.question}]".strip()
+        title if taken[title] == 1 and title else f"{title} [{column.name}]".strip()
         for title, column in zip(titles, columns, strict=True)
     ]
     if form is Form.MOODLE:
@@ -136,12 +149,11 @@ def headings(columns: Sequence[Column], form: Form) -> list[str]:
 
 def canvas_heading(title: str, column: Column) -> str:
     """The heading by which Canvas finds an assignment, or makes one of this title."""
-    name = f"{column.quiz}/{column.question}"
     if TOTALS.search(title):
-        title = name
+        title = column.name
     if column.lms_id:
         return f"{title} ({column.lms_id})"
-    return f"{title} [{name}]" if NUMBERED.fullmatch(title) else title
+    return f"{title} [{column.name}]" if NUMBERED.fullmatch(title) else title
 
 
 @lru_cache(maxsize=4096)

@@ -8,7 +8,7 @@ import keyword
 import re
 import zlib
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -30,7 +30,7 @@ SHARED_MIN = 6
 """Shared fingerprints of a pair that is listed, at least."""
 SHARE_MIN = 0.4
 """The part of the shorter script's fingerprints that a listed pair shares, at least."""
-PAIRS_MAX = 40
+GROUPS_MAX = 40
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,22 @@ class Alike:
     other: str
     shared: int
     share: float
+
+
+@dataclass(frozen=True)
+class Group:
+    """Scripts that look alike: each is in a pair with another of them. The pairs that share most come first."""
+
+    pairs: tuple[Alike, ...]
+
+    @property
+    def closest(self) -> dict[str, str]:
+        """The members in the order of the pairs, each with the one that it shares most with."""
+        found: dict[str, str] = {}
+        for pair in self.pairs:
+            found.setdefault(pair.one, pair.other)
+            found.setdefault(pair.other, pair.one)
+        return found
 
 
 def read_tokens(source: str) -> list[tuple[str, int]]:
@@ -95,8 +111,8 @@ def hash_given(sources: Iterable[str]) -> frozenset[int]:
     return frozenset(gram[0] for source in sources for gram in list_grams(source))
 
 
-def find_alike(scripts: Mapping[str, Fingerprints]) -> list[Alike]:
-    """Returns the pairs of scripts that look alike, those that share most first; at most `PAIRS_MAX`."""
+def find_alike(scripts: Mapping[str, Fingerprints]) -> list[Group]:
+    """Returns the groups of scripts that look alike, those with the closest pair first; at most `GROUPS_MAX`."""
     owners: dict[int, list[str]] = defaultdict(list)
     for name, fingerprints in scripts.items():
         for fingerprint in fingerprints.lines:
@@ -111,7 +127,28 @@ def find_alike(scripts: Mapping[str, Fingerprints]) -> list[Alike]:
         share = count / min(len(scripts[one].lines), len(scripts[other].lines))
         if count >= SHARED_MIN and share >= SHARE_MIN:
             pairs.append(Alike(one, other, count, share))
-    return sorted(pairs, key=lambda pair: (-pair.share, -pair.shared, pair.one, pair.other))[:PAIRS_MAX]
+    return group_pairs(sorted(pairs, key=lambda pair: (-pair.share, -pair.shared, pair.one, pair.other)))[:GROUPS_MAX]
+
+
+def group_pairs(pairs: Sequence[Alike]) -> list[Group]:
+    """Joins pairs that have a script in common, in the order of the first pair of each group."""
+    neighbours: dict[str, list[str]] = defaultdict(list)
+    for pair in pairs:
+        neighbours[pair.one].append(pair.other)
+        neighbours[pair.other].append(pair.one)
+    place: dict[str, int] = {}
+    groups: list[list[Alike]] = []
+    for pair in pairs:
+        if pair.one not in place:
+            reached = [pair.one]
+            while reached:
+                script = reached.pop()
+                if script not in place:
+                    place[script] = len(groups)
+                    reached += neighbours[script]
+            groups.append([])
+        groups[place[pair.one]].append(pair)
+    return [Group(tuple(one)) for one in groups]
 
 
 def mark_lines(script: Fingerprints, other: Fingerprints) -> set[int]:

@@ -38,7 +38,7 @@ def show_alike(
     request: Request, services: AppServices, who: Visitor, *, what: Annotated[str, Query(max_length=200)] = "",
     one: Id = "", other: Id = "",
 ) -> Response:  # fmt: skip
-    """Pairs of scripts at an exercise, or two side by side; anyone but an instructor is told to sign in.
+    """Groups of scripts at an exercise, or two side by side; anyone but an instructor is told to sign in.
 
     `what` is the quiz and the exercise, with a slash between. Raises NotFound."""
     if who is None or not who.is_instructor:
@@ -50,12 +50,14 @@ def show_alike(
         "what": what,
         "found": None,
         "sides": (),
+        "others": (),
     }
     if exercises:
         found = compare(services, who, choose_exercise(exercises, what))
         context |= {"found": found, "what": f"{found.quiz}/{found.question}"}
         if one or other:
-            context["sides"] = make_sides(found, one, other)
+            context |= {"sides": make_sides(found, one, other), "one": one, "other": other}
+            context["others"] = list_others(found, one)
     return page(request, "alike.html", who=who, **context)
 
 
@@ -78,6 +80,12 @@ def make_sides(found: AlikeAt, one: str, other: str) -> tuple[Side, Side]:
     if one not in found.fingerprints or other not in found.fingerprints:
         raise NotFound("One of the two has handed in another script meanwhile.")
     return make_side(found, one, other), make_side(found, other, one)
+
+
+def list_others(found: AlikeAt, one: str) -> list[str]:
+    """Returns the other scripts of the group of a script; none where it is in no group."""
+    group = next((group for group in found.groups if one in group.closest), None)
+    return [] if group is None else [each for each in group.closest if each != one]
 
 
 def make_side(found: AlikeAt, one: str, other: str) -> Side:

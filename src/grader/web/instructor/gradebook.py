@@ -1,44 +1,36 @@
-"""`/instructor/gradebook` and `/instructor/learners/{id}`: what counts, and a learner's whole story. No script."""
+"""`/instructor/gradebook`: what counts, of one quiz or of all. No script."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Annotated, Any, NamedTuple
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
+from sqlalchemy.orm import Session
 
 from grader.courses.people.identity import Identity
 from grader.courses.people.namesakes import marks_in
-from grader.courses.reviewing.blinding import blinded, unseen_by
+from grader.courses.reviewing.blinding import unseen_by
 from grader.courses.rules.gradebook import Form
 from grader.domain.markup import plain_text
 from grader.domain.verdict import Status
-from grader.errors import NotFound
-from grader.gate.services import AppServices, Services
+from grader.gate.services import AppServices
 from grader.library import Library
-from grader.questions import Question, Quiz, kind_of
-from grader.store import people, results, submissions
-from grader.store.results import ORDERS, SHOWS, LearnerAt, Ranking
-from grader.store.submissions import SubmissionFilter
-from grader.web.frame.inputs import Instructor, Visitor
+from grader.questions import Quiz
+from grader.store import people, results
+from grader.store.results import ORDERS, SHOWS, LearnerAt, QuizSum, Ranking
+from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import page
-from grader.web.instructor.people import describe_origin
-from grader.web.instructor.quiz_choice import choose_quiz
 from grader.web.learner.pages import show_sign_in
-from grader.web.text.lessons import group_lessons
 from grader.web.text.questions import list_titles
-from grader.web.text.statuses import NOT_ANSWERED, REPLACED, STATUSES, WAITS, Badge
-from grader.web.verdict.work import Given, read_in_full
+from grader.web.text.statuses import NOT_ANSWERED, STATUSES, WAITS, Badge
 
 PAGE = "/instructor/gradebook"
 ROWS = 100
 """Learners on one page."""
 ABSENT = 200
 """Learners who have not begun that are named."""
-ANSWERS = 100
-"""Answers of a learner's story on one page."""
 POINTS_EQUAL = 1e-9
 """Points that differ by less are equal: 0.1 + 0.2 is 0.3."""
 
@@ -61,13 +53,33 @@ class Cell(NamedTuple):
 EMPTY = Cell(NOT_ANSWERED)
 
 
+class QuizCell(NamedTuple):
+    """A learner's sum in a quiz: points, and how many of its questions are answered."""
+
+    points: float
+    answered: int
+    waits: bool
+    of: float
+    questions: int
+
+
+class Column(NamedTuple):
+    """A question, or a quiz, whose own gradebook has the address."""
+
+    name: str
+    title: str
+    whole_title: str
+    of: float
+    address: str = ""
+
+
 @dataclass(frozen=True)
 class Row:
-    """A learner in a quiz: a cell for every question, at how many there is a result, and the points."""
+    """A learner with a cell for every column, the number of results, and the points."""
 
     learner: str
     name: str
-    cells: Sequence[Cell]
+    cells: Sequence[Cell | QuizCell]
     answered: int
     points: float
 
@@ -81,27 +93,28 @@ def gradebook(
     find: Annotated[str, Query(max_length=200)] = "",
     show: Name = SHOWS[0], by: Name = ORDERS[0], down: bool = False, start: Annotated[int, Query(ge=0, lt=10**6)] = 0,
 ) -> Response:  # fmt: skip
-    """Learners by questions of one quiz, the last answered by default; anyone but an instructor is told to sign in."""
+    """Learners by quizzes of the course, or by questions of one `quiz`; anyone but an instructor is told to sign in."""
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
-    quizzes = [one for one in services.library_for(who).quizzes.values() if one.questions]
+    library = services.library_for(who)
+    quizzes = [one for one in library.quizzes.values() if one.questions]
     if not quizzes:
         return page(request, "gradebook.html", who=who, quizzes=[])
-    chosen = choose_quiz(services, who, quizzes, quiz)
+    chosen = [library.quiz(quiz)] if quiz else quizzes
     shown = {"find": find, "show": show if show in SHOWS else SHOWS[0]}
     order = {"by": by if by in ORDERS else ORDERS[0], "descending": down}
-    rows = list_rows(services, who, chosen, start, **shown, **order)
     with services.database.read() as session:
-        absent = people.without_results(session, who.course, [chosen.id], shown["find"], ABSENT + 1)
+        rows = list_rows(session, who, chosen, start, **shown, **order)
+        absent = people.without_results(session, who.course, [one.id for one in chosen], find, ABSENT + 1)
         marks = marks_in(session, who.course)
-    titles = list_titles(services.library_for(who))
+    columns = list_questions(library, chosen[0]) if len(chosen) == 1 else list_quizzes(chosen)
     context: dict[str, Any] = {
         **shown,
         **order,
         "quizzes": quizzes,
-        "quiz": chosen,
-        "titles": [(one.id, titles[chosen.id, one.id], plain_text(one.title or one.q)) for one in chosen.questions],
-        "of": sum(one.points for one in chosen.questions),
+        "quiz": chosen[0] if len(chosen) == 1 else None,
+        "columns": columns,
+        "of": math.fsum(one.of for one in columns),
         "rows": rows[:ROWS],
         "absent": absent[:ABSENT],
         "more_absent": len(absent) > ABSENT,
@@ -114,15 +127,59 @@ def gradebook(
     return page(request, "gradebook.html", who=who, **context)
 
 
-def list_rows(services: Services, who: Identity, quiz: Quiz, start: int, **wanted: Any) -> list[Row]:
+def list_questions(library: Library, quiz: Quiz) -> list[Column]:
+    """A column for every question of a quiz."""
+    titles = list_titles(library)
+    return [
+        Column(one.id, titles[quiz.id, one.id], plain_text(one.title or one.q), one.points) for one in quiz.questions
+    ]
+
+
+def list_quizzes(quizzes: Sequence[Quiz]) -> list[Column]:
+    """A column for every quiz."""
+    return [
+        Column(one.id, title, title, sum_points(one), f"{PAGE}?quiz={one.id}")
+        for one in quizzes
+        for title in [plain_text(one.title)]
+    ]
+
+
+def sum_points(quiz: Quiz) -> float:
+    """Returns the points of a quiz."""
+    return math.fsum(one.points for one in quiz.questions)
+
+
+def list_rows(session: Session, who: Identity, quizzes: Sequence[Quiz], start: int, **wanted: Any) -> list[Row]:
     """Returns one learner more than a page has."""
-    with services.database.read() as session:
-        without, unseen = results.instructors(session, who.course), unseen_by(session, who).results
-        reviewer = who.id if unseen else ""
-        ranking = Ranking(who.course, quiz.id, len(quiz.questions), without, reviewer=reviewer, **wanted)
-        found = results.ranked(session, ranking, start, ROWS + 1)
-        theirs = results.of_learners(session, who.course, quiz.id, [learner for learner, _ in found])
-    return [make_row(learner, name, theirs[learner], quiz, unseen) for learner, name in found]
+    without, unseen = results.instructors(session, who.course), unseen_by(session, who).results
+    reviewer = who.id if unseen else ""
+    questions, ids = sum(len(one.questions) for one in quizzes), [one.id for one in quizzes]
+    ranking = Ranking(who.course, ids, questions, without, reviewer=reviewer, **wanted)
+    found = results.ranked(session, ranking, start, ROWS + 1)
+    learners = [learner for learner, _ in found]
+    if len(quizzes) == 1:
+        theirs = results.of_learners(session, who.course, ids[0], learners)
+        return [make_row(learner, name, theirs[learner], quizzes[0], unseen) for learner, name in found]
+    sums = results.sums_of_learners(session, ranking, learners)
+    hidden = {(one.learner, one.quiz) for one in unseen}
+    return [sum_row(learner, name, sums[learner], quizzes, hidden) for learner, name in found]
+
+
+def sum_row(
+    learner: str, name: str, theirs: Mapping[str, QuizSum], quizzes: Sequence[Quiz], hidden: Collection[tuple[str, str]]
+) -> Row:
+    """A learner with the sum of each quiz. Where a first mark is `hidden`, by learner and quiz, an answer waits."""
+    cells = [
+        QuizCell(
+            one.points, one.answered, one.waits or (learner, quiz.id) in hidden, sum_points(quiz), len(quiz.questions)
+        )
+        if (one := theirs.get(quiz.id))
+        else EMPTY
+        for quiz in quizzes
+    ]
+    several = theirs.values()
+    points, answered = math.fsum(one.points for one in several), sum(one.answered for one in several)
+    return Row(learner, name, cells, answered, points)
 
 
 def make_row(learner: str, name: str, theirs: Sequence[Any], quiz: Quiz, unseen: Collection[LearnerAt]) -> Row:
@@ -148,82 +205,3 @@ def make_cell(result: Any, unseen: Collection[LearnerAt]) -> Cell:
 def is_in(unseen: Collection[LearnerAt], result: Any) -> bool:
     """Says whether a result is a first mark that this reviewer must not see yet; there are seldom any."""
     return bool(unseen) and LearnerAt(result.course, result.learner, result.quiz, result.question) in unseen
-
-
-@router.get("/instructor/learners/{learner}")
-def story(
-    request: Request, learner: str, services: AppServices, who: Instructor, *,
-    before: Annotated[str, Query(max_length=32)] = "",
-) -> Response:  # fmt: skip
-    """Every answer of a learner with its verdict, by question; of those under review without a name, how many. Raises
-    Unauthorized, Forbidden, NotFound."""
-    desk = services.desk_of(who.course)
-    with services.database.read() as session:
-        wanted = SubmissionFilter(who.course, learner=learner)
-        rows = submissions.page(session, wanted, before or None, ANSWERS + 1)
-        member = people.get(session, learner, who.course)
-        if member is None and not rows:
-            raise NotFound("There is no such learner.")
-        averaged = desk.list_averaged(session, who.course)
-        seen = blinded(desk, session, who, rows, submissions.verdicts(session, rows))
-        counts = results.everywhere(session, who.course, learner)
-        unseen = unseen_by(session, who).results
-        shown = [(row, read_in_full(row, seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
-        marks = marks_in(session, who.course)
-    given = [(row.quiz, row.question, None if row.id in seen.names else one) for row, one in shown]
-    cells = {at: make_cell(result, unseen) for at, result in counts.items()}
-    name = member.name if member is not None else rows[0].user
-    parts = group_answers(desk.library, given, cells, averaged)
-    following = rows[ANSWERS - 1].id if len(rows) > ANSWERS else None
-    counted = [one for one in counts.values() if not is_in(unseen, one) and (one.is_final or one.points)]
-    total = (sum(one.points for one in counted), sum(one.max_points for one in counted))
-    return page(
-        request, "learner.html", who=who, learner=learner, name=name, parts=parts, following=following,
-        total=total, member=member, origin="" if member is None else describe_origin(member), marks=marks,
-        lessons=group_lessons(desk.library),
-    )  # fmt: skip
-
-
-def group_answers(
-    library: Library, given: Sequence[tuple[str, str, Given | None]], cells: Mapping[tuple[str, str], Cell],
-    averaged: Collection[str],
-) -> list[dict[str, Any]]:  # fmt: skip
-    """Returns the answers by question, in the order of the content; questions that it has lost come last. None stands
-    for an answer that bears a pseudonym for its reviewers. In the quizzes `averaged` all attempts count."""
-    titles = list_titles(library)
-    questions = {(quiz.id, one.id): one for quiz in library.quizzes.values() for one in quiz.questions}
-    places = {at: place for place, at in enumerate(questions)}
-
-    def place(one: tuple[str, str, Given | None]) -> tuple[int, str, str]:
-        return places.get(one[:2], len(places)), one[0], one[1]
-
-    return [
-        {
-            "quiz": at[1],
-            "question": at[2],
-            "title": titles.get((at[1], at[2]), at[2]),
-            "cell": cells.get((at[1], at[2]), EMPTY),
-            "answers": [
-                (
-                    answer,
-                    show_answer(questions.get((at[1], at[2])), answer),
-                    describe_state(answer, waits=place == 0 or at[1] in averaged),
-                )
-                for place, answer in enumerate(answers)
-                if answer is not None
-            ],
-            "blind": answers.count(None),
-        }
-        for at, theirs in groupby(sorted(given, key=place), key=place)
-        for answers in [[answer for _, _, answer in theirs]]
-    ]
-
-
-def show_answer(question: Question | None, given: Given) -> str:
-    """Returns an answer in words; as it was typed where the content has lost the question."""
-    return given.text if question is None else kind_of(question).show(question, given.answer)
-
-
-def describe_state(given: Given, *, waits: bool) -> Badge:
-    """Returns the state of an answer: an earlier one no longer `waits` for a person, unless all attempts count."""
-    return given.badge if waits or given.is_decided or given.verdict is None else REPLACED

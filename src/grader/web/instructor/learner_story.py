@@ -1,0 +1,109 @@
+"""`/instructor/learners/{id}`: a learner's whole story. No script."""
+
+from collections.abc import Collection, Mapping, Sequence
+from itertools import groupby
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import Response
+
+from grader.courses.people.namesakes import marks_in
+from grader.courses.reviewing.blinding import blinded, unseen_by
+from grader.errors import NotFound
+from grader.gate.services import AppServices
+from grader.library import Library
+from grader.questions import Question, kind_of
+from grader.store import people, results, submissions
+from grader.store.submissions import SubmissionFilter
+from grader.web.frame.inputs import Instructor
+from grader.web.frame.rendering import page
+from grader.web.instructor.gradebook import EMPTY, Cell, is_in, make_cell
+from grader.web.instructor.people import describe_origin
+from grader.web.text.lessons import group_lessons
+from grader.web.text.questions import list_titles
+from grader.web.text.statuses import REPLACED, Badge
+from grader.web.verdict.work import Given, read_in_full
+
+ANSWERS = 100
+"""Answers of a learner's story on one page."""
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/instructor/learners/{learner}")
+def story(
+    request: Request, learner: str, services: AppServices, who: Instructor, *,
+    before: Annotated[str, Query(max_length=32)] = "",
+) -> Response:  # fmt: skip
+    """Every answer of a learner with its verdict, by question; of those under review without a name, how many. Raises
+    Unauthorized, Forbidden, NotFound."""
+    desk = services.desk_of(who.course)
+    with services.database.read() as session:
+        wanted = SubmissionFilter(who.course, learner=learner)
+        rows = submissions.page(session, wanted, before or None, ANSWERS + 1)
+        member = people.get(session, learner, who.course)
+        if member is None and not rows:
+            raise NotFound("There is no such learner.")
+        averaged = desk.list_averaged(session, who.course)
+        seen = blinded(desk, session, who, rows, submissions.verdicts(session, rows))
+        counts = results.everywhere(session, who.course, learner)
+        unseen = unseen_by(session, who).results
+        shown = [(row, read_in_full(row, seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
+        marks = marks_in(session, who.course)
+    given = [(row.quiz, row.question, None if row.id in seen.names else one) for row, one in shown]
+    cells = {at: make_cell(result, unseen) for at, result in counts.items()}
+    name = member.name if member is not None else rows[0].user
+    parts = group_answers(desk.library, given, cells, averaged)
+    following = rows[ANSWERS - 1].id if len(rows) > ANSWERS else None
+    counted = [one for one in counts.values() if not is_in(unseen, one) and (one.is_final or one.points)]
+    total = (sum(one.points for one in counted), sum(one.max_points for one in counted))
+    return page(
+        request, "learner.html", who=who, learner=learner, name=name, parts=parts, following=following,
+        total=total, member=member, origin="" if member is None else describe_origin(member), marks=marks,
+        lessons=group_lessons(desk.library),
+    )  # fmt: skip
+
+
+def group_answers(
+    library: Library, given: Sequence[tuple[str, str, Given | None]], cells: Mapping[tuple[str, str], Cell],
+    averaged: Collection[str],
+) -> list[dict[str, Any]]:  # fmt: skip
+    """Returns the answers by question, in the order of the content; questions that it has lost come last. None stands
+    for an answer that bears a pseudonym for its reviewers. In the quizzes `averaged` all attempts count."""
+    titles = list_titles(library)
+    questions = {(quiz.id, one.id): one for quiz in library.quizzes.values() for one in quiz.questions}
+    places = {at: place for place, at in enumerate(questions)}
+
+    def place(one: tuple[str, str, Given | None]) -> tuple[int, str, str]:
+        return places.get(one[:2], len(places)), one[0], one[1]
+
+    return [
+        {
+            "quiz": at[1],
+            "question": at[2],
+            "title": titles.get((at[1], at[2]), at[2]),
+            "cell": cells.get((at[1], at[2]), EMPTY),
+            "answers": [
+                (
+                    answer,
+                    show_answer(questions.get((at[1], at[2])), answer),
+                    describe_state(answer, waits=place == 0 or at[1] in averaged),
+                )
+                for place, answer in enumerate(answers)
+                if answer is not None
+            ],
+            "blind": answers.count(None),
+        }
+        for at, theirs in groupby(sorted(given, key=place), key=place)
+        for answers in [[answer for _, _, answer in theirs]]
+    ]
+
+
+def show_answer(question: Question | None, given: Given) -> str:
+    """Returns an answer in words; as it was typed where the content has lost the question."""
+    return given.text if question is None else kind_of(question).show(question, given.answer)
+
+
+def describe_state(given: Given, *, waits: bool) -> Badge:
+    """Returns the state of an answer: an earlier one no longer `waits` for a person, unless all attempts count."""
+    return given.badge if waits or given.is_decided or given.verdict is None else REPLACED
