@@ -70,10 +70,10 @@ class NamedResponse:
         if message["type"] == "http.response.start":
             self.status = message["status"]
             headers = MutableHeaders(scope=message)
-            headers["X-Request-ID"] = self._id
+            headers.append("X-Request-ID", self._id)
             if is_api(self._scope):
                 headers.setdefault("Cache-Control", "private, no-cache")
-                headers["X-Content-Type-Options"] = "nosniff"
+                headers.append("X-Content-Type-Options", "nosniff")
         elif not message.get("more_body", False):
             self.log()
         await self._send(message)

@@ -116,7 +116,7 @@ def authenticate(database: Database, authorization: str | None, cookies: Mapping
     if credential is None:
         raise Unauthorized(FAILED)
     if credential.last_used_at is None or credential.last_used_at < now() - TOUCH:
-        with database.write() as session:
+        with database.write(hasty=True) as session:  # a power cut may undo it
             credentials.touch(session, credential.id, now())
     return identity_of(credential)
 
