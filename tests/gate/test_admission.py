@@ -8,7 +8,7 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
-from grader.courses.people.identity import Kind, Role, issue
+from grader.courses.people.identity import Identity, Kind, Recalled, Role, issue
 from grader.courses.people.members import named
 from grader.errors import (
     CallerError,
@@ -447,6 +447,16 @@ def test_another_address_needs_an_https_origin(origin: str | None) -> None:
     with pytest.raises(ValidationError, match=r"public_origin|GRADER_PUBLIC_ORIGIN"):
         Settings(host="0.0.0.0", public_origin=origin)
     assert not Settings(host="0.0.0.0", public_origin="https://grader.example").is_local
+
+
+def test_a_learner_who_answers_every_few_minutes_is_recalled() -> None:
+    ann, now_s = Identity("1", "ann", Role.STUDENT, "default"), 0.0
+    recalled = Recalled(clock=lambda: now_s)
+    recalled.put("Bearer token", {}, ann)
+    now_s = 240.0
+    assert recalled.get("Bearer token", {}) == ann
+    now_s = 300.0
+    assert recalled.get("Bearer token", {}) is None
 
 
 def test_when_a_token_was_last_used_is_known_without_a_wait_for_the_disk(
