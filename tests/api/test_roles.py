@@ -297,7 +297,7 @@ def test_a_request_under_way_changes_nothing_once_its_credential_has_ended(site:
 
 
 def test_a_revoked_service_makes_no_member(either_site: Site, tina: httpx.Client) -> None:
-    """Its identity is recalled for a minute; the answer is refused when it is stored, and so is its learner."""
+    """Its identity is recalled for some minutes; the answer is refused when it is stored, and so is its learner."""
     lms = either_site.client("lms", "service")
     body = {**ANSWER, "learner": {"namespace": "school", "id": "s1", "name": "Ada"}}
     assert lms.post(f"{API}/lms/submissions", json=body).status_code == 201

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.courses.rules.policy import NOT_ABOUT_CORRECTNESS, Decision, Shown, decide, redact, reported
+from grader.courses.rules.policy import NOT_ABOUT_CORRECTNESS, Decision, Shown, decide, redact_json, reported
 from grader.domain.policy import Policy, Progress
 from grader.domain.verdict import Finding, Status, Verdict, reviewed
 from grader.grading.pipeline import Pipeline
@@ -80,6 +80,14 @@ def answers(draw: st.DrawFn) -> dict[str, Any]:
         "content_digest": draw(text),
         "submission_digest": draw(text),
     }
+
+
+def redact(verdict: Verdict, decision: Decision) -> Verdict:
+    """What may be seen of a verdict, new and stored alike."""
+    stored = json.loads(verdict.model_dump_json(exclude_defaults=True))
+    shown = Verdict.model_validate(redact_json(verdict, decision))
+    assert Verdict.model_validate(redact_json(stored, decision)) == shown
+    return shown
 
 
 def seen(verdict: Verdict, decision: Decision) -> str:

@@ -8,7 +8,7 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
-from grader.courses.people.identity import Kind, Role, issue
+from grader.courses.people.identity import Identity, Kind, Recalled, Role, issue
 from grader.courses.people.members import named
 from grader.errors import (
     CallerError,
@@ -449,12 +449,32 @@ def test_another_address_needs_an_https_origin(origin: str | None) -> None:
     assert not Settings(host="0.0.0.0", public_origin="https://grader.example").is_local
 
 
-def test_when_a_token_was_last_used_is_known(site: Any, settings: Settings) -> None:
+def test_a_learner_who_answers_every_few_minutes_is_recalled() -> None:
+    ann, now_s = Identity("1", "ann", Role.STUDENT, "default"), 0.0
+    recalled = Recalled(clock=lambda: now_s)
+    recalled.put("Bearer token", {}, ann)
+    now_s = 240.0
+    assert recalled.get("Bearer token", {}) == ann
+    now_s = 300.0
+    assert recalled.get("Bearer token", {}) is None
+
+
+def test_when_a_token_was_last_used_is_known_without_a_wait_for_the_disk(
+    site: Any, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from grader.store.tables import Credential
 
     token = issue_token(settings, "ann", "student", None)
+    write, writes = Database.write, list[bool]()
+
+    def noted(database: Database, *, hasty: bool = False) -> Any:
+        writes.append(hasty)
+        return write(database, hasty=hasty)
+
+    monkeypatch.setattr(Database, "write", noted)
     site.anonymous({"Authorization": f"Bearer {token}"}).get(f"{API}/quizzes")
     database: Database = site.app.state.services.database
     with database.read() as session:
         credential = session.get_one(Credential, token.split("_")[1])
         assert credential.last_used_at is not None
+    assert writes == [True]

@@ -119,8 +119,8 @@ ANSWERS: dict[str, tuple[str, str, list[Any], int]] = {
     "typed number": ("1.3-check", "q2", ["1.5 ms", "2.5 ms", "3.5 ms"], 201),
     "script": ("1.3-exercises", "servo-threshold", [{"source": f"x = {number}"} for number in range(3)], 202),
 }
-"""Quiz, question, answers and status: the shortest of some walks counts, without what is done once a minute, or for the
-first answer alone.
+"""Quiz, question, answers and status: the shortest of some walks counts, without what is done every few minutes, or for
+the first answer alone.
 """
 
 

@@ -100,6 +100,30 @@ def test_items_that_come_while_a_transaction_runs_are_stored_together(sqlite: Da
     assert batches.stored == [[0], list(range(1, 20))]
 
 
+@pytest.mark.parametrize("before", [1, 2])
+def test_after_several_items_the_next_ones_gather_a_moment(
+    sqlite: Database, monkeypatch: pytest.MonkeyPatch, before: int
+) -> None:
+    batches = Batches()
+    batches.go.set()
+    monkeypatch.setattr(group_commit, "GATHER_S", 1.0)
+
+    async def put() -> None:
+        writer = GroupCommit(sqlite, batches.store)
+        first = [asyncio.create_task(writer.put(item)) for item in range(before)]
+        await asyncio.sleep(0)
+        writer.start()
+        await asyncio.gather(*first)
+        others = [asyncio.create_task(writer.put(10))]
+        await asyncio.sleep(0.1)
+        others += [asyncio.create_task(writer.put(20))]
+        await asyncio.gather(*others)
+        await asyncio.to_thread(writer.close)
+
+    asyncio.run(asyncio.wait_for(put(), 60))
+    assert batches.stored[1:] == ([[10], [20]] if before == 1 else [[10, 20]])
+
+
 def test_a_transaction_has_a_most_of_items(sqlite: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     batches = Batches()
     batches.go.set()

@@ -126,7 +126,7 @@ class AdmissionMiddleware:
         """The user, by token or cookie; outside /api/v1 by cookie alone. Raises Unauthorized. An answer is asked for
         its credential again where it is stored, so a recalled identity will do."""
         authorization = headers.get("authorization") if is_api(scope) else None
-        cookies = HTTPConnection(scope).cookies
+        cookies = HTTPConnection(scope).cookies if "cookie" in headers else {}
         if scope["path"] in DEVICES or (authorization is None and not cookies):
             raise Unauthorized(FAILED)
         if hands_in(scope) and (known := self.recalled.get(authorization, cookies)) is not None:
@@ -187,8 +187,9 @@ def is_forgeable(scope: Scope, headers: Headers, identity: Identity | None) -> b
     """Whether another site could make a browser send this request, with the user's cookies, to change something."""
     if scope["method"] in SAFE_METHODS or scope["path"] in FOREIGN_FORMS:
         return False
-    by_browser = any(name in headers for name in ("cookie", "origin", "sec-fetch-site"))
-    return identity.by_cookie if identity is not None and is_api(scope) else by_browser
+    if identity is not None and is_api(scope):
+        return identity.by_cookie
+    return any(name in headers for name in ("cookie", "origin", "sec-fetch-site"))
 
 
 def hands_in(scope: Scope) -> bool:

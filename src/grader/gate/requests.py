@@ -39,20 +39,20 @@ class RequestsMiddleware:
         given = Headers(scope=scope).get("x-request-id", "")
         request_id = given if REQUEST_ID.fullmatch(given) else f"{getrandbits(128):032x}"
         response = NamedResponse(scope, send, request_id)
-        with structlog.contextvars.bound_contextvars(request_id=request_id):
-            try:
-                await self.app(scope, receive, response.send)
-            except ClientDisconnect:  # before its request was read: no answer can reach it
-                return
-            except Exception as error:
-                if is_away(error):
-                    scope.setdefault("state", {})["why"] = f"database: {driver_error(error)}"
-                else:
-                    log.exception("unhandled", method=scope["method"], path=scope["path"])
-                if not response.status:  # else the connection is closed
-                    await problem_of_unexpected(error)(scope, receive, response.send)
-            finally:
-                response.log()
+        structlog.contextvars.bind_contextvars(request_id=request_id)  # the context is the request's own
+        try:
+            await self.app(scope, receive, response.send)
+        except ClientDisconnect:  # before its request was read: no answer can reach it
+            return
+        except Exception as error:
+            if is_away(error):
+                scope.setdefault("state", {})["why"] = f"database: {driver_error(error)}"
+            else:
+                log.exception("unhandled", method=scope["method"], path=scope["path"])
+            if not response.status:  # else the connection is closed
+                await problem_of_unexpected(error)(scope, receive, response.send)
+        finally:
+            response.log()
 
 
 class NamedResponse:
@@ -70,10 +70,10 @@ class NamedResponse:
         if message["type"] == "http.response.start":
             self.status = message["status"]
             headers = MutableHeaders(scope=message)
-            headers["X-Request-ID"] = self._id
+            headers.append("X-Request-ID", self._id)
             if is_api(self._scope):
                 headers.setdefault("Cache-Control", "private, no-cache")
-                headers["X-Content-Type-Options"] = "nosniff"
+                headers.append("X-Content-Type-Options", "nosniff")
         elif not message.get("more_body", False):
             self.log()
         await self._send(message)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -339,8 +339,13 @@ def complete(verdict: Verdict, content_digest: str, digest: str, measured: Scrip
 
 def compute_digest(quiz_id: str, question_id: str, text: str) -> str:
     """sha256 of the canonical JSON `[quiz, question, answer]`; `text` is the answer's canonical JSON."""
-    ids = encode([quiz_id, question_id]).removesuffix("]")
-    return hashlib.sha256(f"{ids},{text}]".encode()).hexdigest()
+    return hashlib.sha256(f"{encode_ids(quiz_id, question_id)},{text}]".encode()).hexdigest()
+
+
+@lru_cache(maxsize=1024)
+def encode_ids(quiz_id: str, question_id: str) -> str:
+    """Returns how the canonical JSON `[quiz, question, answer]` begins."""
+    return encode([quiz_id, question_id]).removesuffix("]")
 
 
 def compute_seed(secret: bytes, digest: str) -> int:

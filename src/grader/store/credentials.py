@@ -4,9 +4,10 @@ from collections.abc import Iterable, Sequence
 from datetime import datetime
 from typing import Any, cast
 
-from sqlalchemy import ColumnElement, CursorResult, delete, exists, or_, select, update
+from sqlalchemy import ColumnElement, CursorResult, bindparam, delete, exists, or_, select, update
 from sqlalchemy.orm import Session
 
+from grader.store.engine.bulk import UtcDateTime
 from grader.store.tables import Credential, Member
 
 PRUNED_AT_ONCE = 100
@@ -17,6 +18,19 @@ OWNED = exists().where(Member.id == Credential.member, Member.role == Credential
 """Whether the member of a credential still has its role."""
 
 
+def is_alive(clock: datetime | ColumnElement[datetime]) -> ColumnElement[bool]:
+    """Whether a credential is neither revoked nor expired, and its member is still there and has its role."""
+    return Credential.revoked_at.is_(None) & or_(Credential.expires_at.is_(None), Credential.expires_at > clock) & OWNED
+
+
+CLOCK = bindparam("clock", type_=UtcDateTime)
+FIND = select(Credential).where(
+    Credential.id == bindparam("wanted"), Credential.kind == bindparam("of_kind"), is_alive(CLOCK)
+)
+TOUCH = update(Credential).where(Credential.id == bindparam("wanted")).values(last_used_at=CLOCK)
+"""Made once: most requests find a credential, and to make a statement takes longer than to execute it."""
+
+
 def add(session: Session, credential: Credential) -> None:
     """Adds a new credential."""
     session.add(credential)
@@ -24,14 +38,12 @@ def add(session: Session, credential: Credential) -> None:
 
 def find(session: Session, credential_id: str, kind: str, clock: datetime) -> Credential | None:
     """The credential of this kind and id; None if it is revoked or expired, or its member is out or lost the role."""
-    return session.scalar(
-        select(Credential).where(Credential.id == credential_id, Credential.kind == kind, is_alive(clock))
-    )
+    return session.scalar(FIND, {"wanted": credential_id, "of_kind": kind, "clock": clock})
 
 
 def touch(session: Session, credential_id: str, clock: datetime) -> None:
     """Records that the credential was used now."""
-    session.execute(update(Credential).where(Credential.id == credential_id).values(last_used_at=clock))
+    session.connection().execute(TOUCH, {"wanted": credential_id, "clock": clock})
 
 
 def rename(session: Session, member: str, name: str) -> None:
@@ -72,11 +84,6 @@ def prune(session: Session, kinds: Iterable[str], clock: datetime) -> list[str]:
         gone = delete(Credential).where(Credential.id.in_([row[0] for row in rows]))
         session.execute(gone.execution_options(synchronize_session=False))
     return [row[1] for row in rows]
-
-
-def is_alive(clock: datetime | ColumnElement[datetime]) -> ColumnElement[bool]:
-    """Whether a credential is neither revoked nor expired, and its member is still there and has its role."""
-    return Credential.revoked_at.is_(None) & or_(Credential.expires_at.is_(None), Credential.expires_at > clock) & OWNED
 
 
 def _revoke(session: Session, clock: datetime, *conditions: ColumnElement[bool]) -> int:

@@ -5,8 +5,10 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import cache
 from typing import Any, NamedTuple
 
+from prometheus_client import Counter
 from sqlalchemy import ColumnElement, SQLColumnExpression, String, bindparam, case, func, insert, select, tuple_
 from sqlalchemy.orm import Session
 
@@ -365,8 +367,14 @@ def _change_status(session: Session, submission_id: str, status: str) -> Submiss
     return submission
 
 
+@cache
+def counter_of(status: Status) -> Counter:
+    """Returns the metric of such verdicts; looked up once, since for Prometheus that takes longer than to count."""
+    return VERDICTS.labels(status.value)
+
+
 def _settled(verdict: Verdict, revision: int) -> dict[str, Any]:
-    VERDICTS.labels(verdict.status.value).inc()
+    counter_of(verdict.status).inc()
     return {
         "status": NEEDS_REVIEW if verdict.status is Status.NEEDS_REVIEW else GRADED,
         "uses_attempt": verdict.status.uses_attempt,

@@ -110,8 +110,7 @@ def count_one_more(new: NewSubmission, state: QuestionState) -> dict[str, Any] |
     values = count_attempts(attempts, policy, state.extension or NO_EXTENSION, worth, before)
     if state.source is None:
         values |= describe_first_answer(verdict.status, verdict.evidence)
-    diagnoses = [] if before is None else json.loads(before["diagnoses"])
-    return values | {"diagnoses": dump_diagnoses([*diagnoses, verdict.diagnosis])}
+    return values | {"diagnoses": add_diagnosis("[]" if before is None else before["diagnoses"], verdict.diagnosis)}
 
 
 def recount(session: Session, library: Library, key: LearnerAt, new: NewSubmission | None = None) -> bool:
@@ -143,7 +142,7 @@ def describe_answers(
             return {}
         is_first = decided[0] == new.submission.id
         first = describe_first_answer(new.verdict.status, new.verdict.evidence) if is_first else {}
-        return first | {"diagnoses": dump_diagnoses([*json.loads(before["diagnoses"]), new.verdict.diagnosis])}
+        return first | {"diagnoses": add_diagnosis(before["diagnoses"], new.verdict.diagnosis)}
     verdicts = submissions.verdicts_of(session, decided)
     oldest = verdicts[decided[0]] if decided else None
     first = describe_first_answer(Status(oldest["status"]), oldest["evidence"]) if oldest else {}
@@ -260,6 +259,11 @@ def describe_first_answer(status: Status, evidence: Mapping[str, Any]) -> dict[s
         "first_value": None if "value" in several else value,
         "first_several": json.dumps(several) if several else None,
     }
+
+
+def add_diagnosis(before: str, diagnosis: str | None) -> str:
+    """The JSON list of diagnoses with one more, if there is one."""
+    return dump_diagnoses([*json.loads(before), diagnosis]) if diagnosis else before
 
 
 def dump_diagnoses(diagnoses: Sequence[str | None]) -> str:

@@ -9,8 +9,6 @@ from enum import IntEnum
 from functools import lru_cache
 from typing import Any
 
-from pydantic import BaseModel
-
 from grader.domain.policy import ONE_BY_ONE, Extension, Policy, Progress
 from grader.domain.verdict import GRADED_AS, POINT_DIGITS, REVIEW, Finding, Status, Verdict
 from grader.questions import Question, Reveal, kind_of
@@ -278,58 +276,71 @@ def spoken(moment: datetime) -> str:
     return f"{moment.day} {moment:%b %Y, %H:%M} UTC"
 
 
-def redact(verdict: Verdict, decision: Decision) -> Verdict:
-    """The verdict without what the learner may not see yet: built from lists of what may be seen at each level. Before
-    the feedback the status is `needs_review` and the diagnosis says when it comes, except where the grader's status
-    says nothing about correctness. A review does not show."""
-    if decision.shown is Shown.SOLUTION:
-        return verdict
-    if decision.shown is Shown.FEEDBACK:
-        return revealing(verdict, decision.reveal)
-    status = Status(verdict.evidence.get(GRADED_AS, verdict.status))
-    tells = status in NOT_ABOUT_CORRECTNESS
-    diagnosis = fields_of(verdict, DIAGNOSIS_FIELDS) if tells else {"diagnosis": decision.withheld}
-    return Verdict(
-        **fields_of(verdict, RECEIPT_FIELDS),
-        **diagnosis,
-        status=status if tells else Status.NEEDS_REVIEW,
-        points=0.0,
-        timing_ms={name: ms for name, ms in verdict.timing_ms.items() if name in RECEIPT_TIMES},
-    )
-
-
-def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
-    """The feedback of a verdict, without the solution, as far as `reveal` goes. With "direction", the `direction` of
-    findings and verdict takes the place of messages and diagnosis, and measured distances are left out. A reviewer's
-    finding is shown as it was written."""
-    if reveal == "direction":
-        findings = tuple(directed(finding) for finding in verdict.findings)
-        tells = Status(verdict.evidence.get(GRADED_AS, verdict.status)) in NOT_ABOUT_CORRECTNESS
-        diagnosis = fields_of(verdict, DIAGNOSIS_FIELDS) if tells else {"diagnosis": verdict.direction}
-        fields = fields_of(verdict, DIRECTION_FIELDS) | diagnosis
-    else:
-        names = (*FINDING_FIELDS, "expected") if reveal == "value" else FINDING_FIELDS
-        findings = tuple(Finding(**fields_of(finding, names)) for finding in verdict.findings)
-        fields = fields_of(verdict, FEEDBACK_FIELDS)
-    shown = {"direction": DIRECTION_EVIDENCE, "size": FEEDBACK_EVIDENCE, "value": VALUE_EVIDENCE}[reveal]
-    evidence = {name: value for name, value in verdict.evidence.items() if name in shown}
-    return Verdict(**fields, findings=findings, evidence=evidence)
-
-
-def directed(finding: Finding) -> Finding:
-    """A finding that tells the direction of an error alone."""
-    measured = finding.measured if finding.id == REVIEW else None
-    fields = fields_of(finding, DIRECTION_FINDING_FIELDS)
-    return Finding(**fields, message=finding.direction or "", measured=measured)
+NOTHING_SEEN = Verdict(status=Status.NEEDS_REVIEW, points=0.0, max_points=0.0).model_dump(mode="json")
+"""A verdict of which nothing may be seen."""
+FINDING_UNSEEN = {**dict.fromkeys(Finding.model_fields), "message": ""}
 
 
 def redact_json(verdict: Any | None, decision: Decision) -> Any | None:
-    """A verdict, new or stored, as plain JSON, without what is not to be seen yet; the only way to a learner."""
-    if isinstance(verdict, Verdict):
-        return redact(verdict, decision).model_dump(mode="json")
-    if verdict is None or decision.shown is Shown.SOLUTION:
-        return verdict
-    return redact_json(Verdict.model_validate(verdict), decision)
+    """A verdict, new or stored, as plain JSON, without what is not to be seen yet: built from lists of what may be seen
+    at each level. It is the only way to a learner. Before the feedback the status is `needs_review` and the diagnosis
+    says when it comes, except where the grader's status says nothing about correctness. A review does not show."""
+    whole = verdict.model_dump(mode="json") if isinstance(verdict, Verdict) else verdict
+    if whole is None or decision.shown is Shown.SOLUTION:
+        return whole
+    whole = NOTHING_SEEN | whole  # an older one lacks fields
+    if decision.shown is Shown.FEEDBACK:
+        return reveal_json(whole, decision.reveal)
+    times = {name: ms for name, ms in whole["timing_ms"].items() if name in RECEIPT_TIMES}
+    seen = NOTHING_SEEN | choose(whole, RECEIPT_FIELDS) | {"findings": [], "evidence": {}, "timing_ms": times}
+    if tells_nothing(whole):
+        return seen | choose(whole, DIAGNOSIS_FIELDS) | {"status": graded_as(whole)}
+    return seen | {"diagnosis": decision.withheld}
+
+
+def reveal_json(whole: dict[str, Any], reveal: Reveal) -> dict[str, Any]:
+    """The feedback of a whole verdict, without the solution, as far as `reveal` goes. With "direction", the `direction`
+    of findings and verdict takes the place of messages and diagnosis, and measured distances are left out. A reviewer's
+    finding is shown as it was written."""
+    if reveal == "direction":
+        findings = [direct(finding) for finding in whole["findings"]]
+        diagnosis = choose(whole, DIAGNOSIS_FIELDS) if tells_nothing(whole) else {"diagnosis": whole["direction"]}
+        fields = choose(whole, DIRECTION_FIELDS) | diagnosis
+    else:
+        names = (*FINDING_FIELDS, "expected") if reveal == "value" else FINDING_FIELDS
+        findings = [FINDING_UNSEEN | choose(finding, names) for finding in whole["findings"]]
+        fields = choose(whole, FEEDBACK_FIELDS)
+    shown = {"direction": DIRECTION_EVIDENCE, "size": FEEDBACK_EVIDENCE, "value": VALUE_EVIDENCE}[reveal]
+    evidence = {name: value for name, value in whole["evidence"].items() if name in shown}
+    return NOTHING_SEEN | fields | {"findings": findings, "evidence": evidence}
+
+
+def direct(finding: dict[str, Any]) -> dict[str, Any]:
+    """A finding that tells the direction of an error alone."""
+    measured = finding.get("measured") if finding["id"] == REVIEW else None
+    seen = choose(finding, DIRECTION_FINDING_FIELDS)
+    return FINDING_UNSEEN | seen | {"message": finding.get("direction") or "", "measured": measured}
+
+
+def graded_as(whole: dict[str, Any]) -> str:
+    """The status that the grader gave, before any review."""
+    status: str = whole["evidence"].get(GRADED_AS, whole["status"])
+    return status
+
+
+def tells_nothing(whole: dict[str, Any]) -> bool:
+    """Whether the grader's status says nothing about correctness."""
+    return graded_as(whole) in NOT_ABOUT_CORRECTNESS
+
+
+def choose(part: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
+    """The named fields; an older verdict may lack some."""
+    return {name: part[name] for name in names if name in part}
+
+
+def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
+    """The feedback of a verdict, without the solution, as far as `reveal` goes."""
+    return Verdict.model_validate(reveal_json(verdict.model_dump(mode="json"), reveal))
 
 
 def reported(verdict: Verdict, question: Question) -> Verdict:
@@ -345,8 +356,3 @@ def reported(verdict: Verdict, question: Question) -> Verdict:
     findings = tuple(finding.model_copy(update={"expected": None}) for finding in verdict.findings)
     evidence = {name: value for name, value in verdict.evidence.items() if name in FEEDBACK_EVIDENCE}
     return verdict.model_copy(update={"findings": findings, "evidence": evidence})
-
-
-def fields_of(part: BaseModel, names: tuple[str, ...]) -> dict[str, Any]:
-    """The named fields."""
-    return {name: getattr(part, name) for name in names}

@@ -3,7 +3,7 @@
 import sqlite3
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, lru_cache
 from operator import itemgetter
 from typing import Any
 
@@ -79,8 +79,9 @@ def _with_defaults(table: type[DeclarativeBase], rows: Rows) -> Rows:
     return [defaults | dict(row) for row in rows]
 
 
+@lru_cache(maxsize=16)
 def _sqlite_moment(moment: datetime) -> str:
-    """A moment as SQLAlchemy stores it in SQLite, which has none."""
+    """A moment as SQLAlchemy stores it in SQLite, which has none. All rows of a transaction have the same."""
     return moment.astimezone(UTC).replace(tzinfo=None).isoformat(" ", "microseconds")
 
 

@@ -8,6 +8,7 @@ gather. It is ordinary SQLAlchemy in an ordinary transaction; the caller says ho
 
 import asyncio
 import threading
+import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -24,6 +25,9 @@ from grader.store.engine.database import Database
 
 BATCH_MAX = 200
 """Items of one transaction."""
+GATHER_S = 0.001
+"""How long items gather where several came at once [s]: larger transactions cost less, and the event loop, which takes
+the next ones meanwhile, has the interpreter to itself. An item that comes alone is stored at once."""
 WAITING_MAX = 2000
 """Items that may wait; more are refused."""
 
@@ -103,8 +107,12 @@ class GroupCommit(Generic[Item, Outcome]):
         return outcome
 
     def _run(self) -> None:
+        batch: list[PendingItem[Item]] = []
         while (first := self._queue.get()) is not None:
-            self._store_batch([first, *self._take_waiting(BATCH_MAX - 1)])
+            if len(batch) > 1:
+                time.sleep(GATHER_S)
+            batch = [first, *self._take_waiting(BATCH_MAX - 1)]
+            self._store_batch(batch)
 
     def _take_waiting(self, count_max: int) -> list[PendingItem[Item]]:
         """Takes the items that wait now, at most `count_max`."""
