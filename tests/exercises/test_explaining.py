@@ -55,6 +55,33 @@ def test_a_sentence_on_a_search_points_at_its_line(sentence: str, line: int | No
     assert find_landmark(sentence, NO_SCRIPT, OF_SEARCHES) is None
 
 
+OWN_TEST = """import mujoco
+
+
+def is_stable(model, h):
+    data = mujoco.MjData(model)
+    while data.time < 3:
+        mujoco.mj_step(model, data)
+        {}
+    return {}
+"""
+
+
+@pytest.mark.parametrize(
+    ("in_loop", "returned", "line"),
+    [
+        ("if abs(data.qpos[0]) > 1.2: return False", "True", 8),
+        ("if abs(data.qpos[0]) > 1.2: break", "data.time > 3", 8),
+        ("if data.warning[4].number: return False", "True", None),
+        ("q = data.qpos[0]", "abs(q) < 1", 9),
+        ("q = data.qpos[0]", "q", None),
+    ],
+)
+def test_a_criterion_of_ones_own_is_pointed_at_and_no_other_line(in_loop: str, returned: str, line: int | None) -> None:
+    source = OWN_TEST.format(in_loop, returned)
+    assert find_landmark("raised no warning, and you call it unstable.", Script(source), OF_SEARCHES) == line
+
+
 def test_the_last_assignment_to_a_field_is_pointed_at() -> None:
     source = "def f(m, d):\n    h = m.opt.timestep\n    m.opt.timestep = h / 2\n    m.opt.timestep /= 2\n    x = h\n"
     sentence = "Your step changes the model that it is given: after the first call model.opt.timestep is 0.25 times"
