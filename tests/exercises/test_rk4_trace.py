@@ -258,7 +258,7 @@ def rk4_step(model, data):
     ],
 )
 def test_what_else_is_wrong_is_said_and_the_line_is_that_of_the_first(
-    changes: Mapping[str, str], rest: str | None, grade: Grade
+    changes: dict[str, str], rest: str | None, grade: Grade
 ) -> None:
     texts = {"time": "t + h", "act": "c * h", "weights": "1, 2, 2, 2"} | changes
     verdict = grade(STEP, STAGES_AND_REST.format(**texts))
@@ -266,6 +266,24 @@ def test_what_else_is_wrong_is_said_and_the_line_is_that_of_the_first(
     assert said.startswith("Your weights are 1/6, 1/3, 1/3, 1/3 and sum to 7/6")
     assert rest in said if rest else "Apart" not in said
     assert verdict.line == 16, "the sum, not the stage whose time is wrong"
+
+
+@pytest.mark.parametrize(
+    ("program", "marked"),
+    [
+        ("accelerations_are_views", "return v, data.qacc, data.act_dot.copy()"),
+        ("velocity_aliases_data", "t0, q0, v0, act0 = data.time, data.qpos.copy(), data.qvel, data.act.copy()"),
+        ("weights_over_four", "q, v, act = ("),
+        ("stage_three_from_both", "k3 = slope(q0 + h / 4 * (k1[0] + k2[0]), "),
+    ],
+)
+def test_the_line_is_where_the_mistake_stands_not_where_its_result_is_written(
+    program: str, marked: str, grade: Grade
+) -> None:
+    source = (PROGRAMS / "rk4-step" / f"incorrect__{program}.py").read_text()
+    line = grade(STEP, source).line
+    assert line is not None
+    assert source.splitlines()[line - 1].strip().startswith(marked)
 
 
 def test_another_data_is_named_where_the_steps_begin_at_several_states(read: Read) -> None:

@@ -189,7 +189,7 @@ def add_rest(sentence: str, failed: Sequence[AnyJudged]) -> str:
     time_matters = any(one.judgement.outcome.problem.time_matters for one in failed)
     for one in failed:
         reading = read_judged_run(one)
-        velocities = reading and to_matrix(reading.velocities, "a")
+        velocities = None if reading is None else to_matrix(reading.velocities, "a")
         if reading is None or velocities is None:
             continue
         rest = explain_activations(replace(reading, activations=list_own_activations(reading)))

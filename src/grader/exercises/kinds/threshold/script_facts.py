@@ -125,9 +125,9 @@ def find_own_test(script: Script, _: object) -> int | None:
     loops = [node for node in within if isinstance(node, LOOPS)]
     branches = [node for loop in loops for node in walk_within(loop) if isinstance(node, ast.If)]
     ending = [node for node in branches if any(isinstance(one, ast.Return | ast.Break) for one in node.body)]
-    returned = [node for node in within if isinstance(node, ast.Return) and isinstance(node.value, ast.Compare)]
-    tests = [(node.lineno, node.test) for node in ending] or [(node.lineno, node.value) for node in returned]
-    lines = {line for line, test in tests if test is not None and "warning" not in ast.unparse(test)}
+    returned = [node.value for node in within if isinstance(node, ast.Return) and isinstance(node.value, ast.Compare)]
+    tests = [node.test for node in ending] or returned
+    lines = {test.lineno for test in tests if "warning" not in ast.unparse(test)}
     return lines.pop() if len(lines) == 1 else None
 
 
