@@ -30,6 +30,8 @@ def test_other_mistakes_are_other_families() -> None:
 
 
 def test_a_name_is_the_first_clause_and_the_cure_the_rest() -> None:
+    two = f"Two things are wrong. First: {BOUND} Second: Your runs are too short."
+    assert name_family(two).key == name_family(BOUND).key
     assert name_family(BOUND).name == "You reported the bound 2*sqrt(I/kp)"
     assert find_cure(BOUND) == "Ignores the damper: simulate instead of computing it."
     assert find_cure("TypeError: x, in line 3 of your script.") == ""  # it quotes one learner's script

@@ -83,6 +83,13 @@ def test_the_starter_runs_and_earns_nothing(name: str, pipeline: Pipeline) -> No
     assert verdict.diagnosis
 
 
+def test_two_limits_are_told_apart_by_their_sensors(pipeline: Pipeline) -> None:
+    verdict = grade(pipeline, "cart-pole", (ROOT / "quizzes" / "starters" / "cart_pole.py").read_text())
+    titles = [finding.title for finding in verdict.findings if "leans" in finding.title]
+    assert [title.partition(": ")[2] for title in titles[:2]] == ["limits of cart", "limits of pole"]
+    assert len(titles) == len(set(titles))
+
+
 def find_question(pipeline: Pipeline, name: str) -> ScriptQuestion:
     question = pipeline.library.question(QUIZ, name)
     assert isinstance(question, ScriptQuestion)

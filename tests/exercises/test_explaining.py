@@ -5,6 +5,7 @@ import pytest
 from grader.exercises.explaining.claims import Evidence, build_claims, correct_sentence
 from grader.exercises.explaining.places import find_landmark
 from grader.exercises.explaining.script import NO_SCRIPT, Script
+from grader.exercises.explaining.values import find_origin, find_view
 from grader.exercises.kinds.rk4.script_facts import LANDMARKS as OF_STEPS
 from grader.exercises.kinds.threshold.script_facts import LANDMARKS as OF_SEARCHES
 from grader.exercises.kinds.threshold.script_facts import describe_test
@@ -53,6 +54,70 @@ def largest(model, integrator):
 def test_a_sentence_on_a_search_points_at_its_line(sentence: str, line: int | None) -> None:
     assert find_landmark(sentence, Script(SEARCH), OF_SEARCHES) == line
     assert find_landmark(sentence, NO_SCRIPT, OF_SEARCHES) is None
+
+
+OWN_TEST = """import mujoco
+
+
+def is_stable(model, h):
+    data = mujoco.MjData(model)
+    while data.time < 3:
+        mujoco.mj_step(model, data)
+        {}
+    return {}
+"""
+
+
+@pytest.mark.parametrize(
+    ("in_loop", "returned", "line"),
+    [
+        ("if abs(data.qpos[0]) > 1.2: return False", "True", 8),
+        ("if abs(data.qpos[0]) > 1.2: break", "data.time > 3", 8),
+        ("if data.warning[4].number: return False", "True", None),
+        ("q = data.qpos[0]", "abs(q) < 1", 9),
+        ("q = data.qpos[0]", "q", None),
+    ],
+)
+def test_a_criterion_of_ones_own_is_pointed_at_and_no_other_line(in_loop: str, returned: str, line: int | None) -> None:
+    source = OWN_TEST.format(in_loop, returned)
+    assert find_landmark("raised no warning, and you call it unstable.", Script(source), OF_SEARCHES) == line
+
+
+WRITES = """def step(model, data):
+    q, v = data.qpos.copy(), data.qvel
+    new, rate = q + 1, v + 1
+    rate *= 2
+    end = new
+    for part in (1, 2):
+        v = v + part
+    data.qpos[:] = end
+    data.qvel[:], data.time = rate, 1
+    data.act[:] = v
+    data.ctrl[:] = q + 1
+    return data.qacc
+"""
+
+
+@pytest.mark.parametrize(
+    ("line", "field", "origin"),
+    [
+        (8, "qpos", 3),
+        (9, "qvel", 4),
+        (9, "time", 9),
+        (10, "act", 10),
+        (11, "ctrl", 11),
+        (8, "qvel", 8),
+        (99, "act", 99),
+    ],
+)
+def test_a_written_variable_leads_to_the_line_that_computes_it(line: int, field: str, origin: int) -> None:
+    assert find_origin(Script(WRITES), line, field) == origin
+    assert find_origin(NO_SCRIPT, line, field) == line
+
+
+@pytest.mark.parametrize(("fields", "line"), [(["qvel"], 2), (["qacc", "act_dot"], 12), (["qpos"], None)])
+def test_the_line_that_keeps_a_field_without_a_copy_is_found(fields: list[str], line: int | None) -> None:
+    assert find_view(Script(WRITES), fields) == line
 
 
 def test_the_last_assignment_to_a_field_is_pointed_at() -> None:

@@ -35,12 +35,22 @@ def a_claim(case: str, low: float, high: float) -> dict[str, Any]:
 
 
 def test_claims_within_the_search_are_shown_at_their_own_timesteps(library: Library) -> None:
-    claims = [a_claim("lesson.Euler", 10, 20), a_claim("lesson.implicitfast", 12, 900)]
+    claims = [a_claim("lesson.Euler", 10, 21), a_claim("lesson.implicitfast", 12, 900)]
     lower, upper = film(library, "servo-threshold", {"claims": claims})
     assert [panel.detail for panel in lower.panels] == ["10 ms", "12 ms"]
-    assert [panel.detail for panel in upper.panels] == ["20 ms"]
+    assert [panel.detail for panel in upper.panels] == ["21 ms"]
     assert lower.end_s == 3
     assert all(len(panel.times_s) == FRAMES_MAX for panel in lower.panels)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "first"), [(10, 25, "lower-end"), (10, 15, "upper-end"), (22, 25, "lower-end")]
+)
+def test_the_end_that_refutes_the_claim_comes_first(library: Library, low: float, high: float, first: str) -> None:
+    none = {"case": "lesson.discrete", "claim_ms": None, "said_none": True}
+    films = film(library, "servo-threshold", {"claims": [a_claim("lesson.Euler", low, high), none]})
+    assert films[0].name == first
+    assert len(films) == 2
 
 
 def test_none_is_shown_at_the_longest_timestep(library: Library) -> None:

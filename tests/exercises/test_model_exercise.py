@@ -174,6 +174,12 @@ def test_feedback_says_what_line_and_draws_both_models_as_far_as_the_author_allo
     assert ("asked for", "0", "capsule", "0.03 0.2 0", "0 0 0.8") in both[0].table
 
 
+def test_what_a_model_lacks_is_said_before_the_numbers_that_follow_from_it(pipeline: Pipeline) -> None:
+    verdict = grade(pipeline, "<mujoco><worldbody><body name='upper'><geom size='.1'/></body></worldbody></mujoco>")
+    said = verdict.diagnosis or ""
+    assert said.startswith("the parts: The model has no body 'fore'."), said
+
+
 def test_outlines_are_those_of_the_geoms() -> None:
     turned = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     for kind, size, width, height in (

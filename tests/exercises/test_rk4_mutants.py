@@ -128,6 +128,16 @@ def test_two_mutants_are_both_told(data: st.DataObject, take: Take) -> None:
         assert match.sentence.startswith("Two things are wrong. First: ")
 
 
+def test_of_two_mutants_the_one_that_comes_first_in_the_step_is_told_first(take: Take) -> None:
+    missing = next(one for one in MUTANTS if one.changes == {"calls": (True, True, False, True)})
+    time = next(one for one in MUTANTS if one.changes.get("times") == (0.0, 0.5, 0.5, 1.0, 2.0))
+    program = combine(missing, time)
+    assert program is not None
+    match = find_match([read_taken("double-pendulum", take("double-pendulum", as_function(program)))])
+    assert match is not None
+    assert match.mutants == (missing, time)
+
+
 def test_mutants_that_change_the_same_entry_are_not_combined() -> None:
     one, other = (
         m for m in MUTANTS if m.changes.get("times") in ((0.5, 0.5, 0.5, 1.0, 1.0), (1.0, 0.5, 0.5, 1.0, 1.0))

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from inspect import getsource
 from io import BytesIO, TextIOWrapper
+from itertools import combinations
 from operator import sub
 from statistics import median
 from time import thread_time
@@ -190,6 +191,99 @@ def test_wrong_weights_are_told_apart(weights: tuple[float, ...], said: str, rea
     reading = read(step_of([*CLASSICAL[:-1], weights]))
     assert reading
     assert said in (explain_slopes(reading, ()) or "")
+
+
+WRONG_ROWS = {
+    2: ((1 / 3,), "Your stage 2 moves by h/3 k1;"),
+    3: ((0, 1), "Your stage 3 is evaluated at the end"),
+    4: ((0, 0, 1 / 2), "Your last stage is evaluated at half the step"),
+    5: ((1 / 6, 1 / 3, 1 / 6, 1 / 6), "Your weights are 1/6, 1/3, 1/6, 1/6 and sum to 5/6"),
+}
+
+
+@pytest.mark.parametrize("wrong", [rows for size in (2, 3, 4) for rows in combinations(WRONG_ROWS, size)])
+def test_every_wrong_row_of_a_step_is_counted_and_three_are_named(wrong: tuple[int, ...], read: Read) -> None:
+    rows = [WRONG_ROWS[row][0] if row in wrong else right for row, right in enumerate(CLASSICAL, 1)]
+    reading = read(step_of(rows))
+    assert reading
+    sentence = explain_slopes(reading, ()) or ""
+    assert sentence.startswith(("Two things are wrong. First: ", "Three things", "Four things")[len(wrong) - 2])
+    places = [sentence.index(WRONG_ROWS[row][1]) for row in wrong[:3]]
+    assert places == sorted(places)
+
+
+def test_stages_that_are_too_near_by_one_ratio_are_one_mistake(read: Read) -> None:
+    reading = read(step_of([(), (1 / 3,), (0, 1 / 3), *CLASSICAL[3:]]))
+    assert reading
+    assert (explain_slopes(reading, ()) or "").startswith("Your stages 2 and 3 lie 2/3 times as far from the start")
+
+
+def test_a_row_that_is_wrong_for_positions_alone_is_told_apart(read: Read) -> None:
+    stage, weights = (0, 1 / 3), WRONG_ROWS[5][0]
+    reading = read(step_of([*CLASSICAL[:-1], weights], [*CLASSICAL[:2], stage, *CLASSICAL[3:]]))
+    assert reading
+    sentence = explain_slopes(reading, ()) or ""
+    assert "First: In your stage 3, the position moves by h/3 k2;" in sentence
+    assert "Second: For the velocity, your weights are 1/6, 1/3, 1/6, 1/6" in sentence
+
+
+STAGES_AND_REST = """import mujoco
+
+def rk4_step(model, data):
+    h, t, q, v, a = model.opt.timestep, data.time, data.qpos.copy(), data.qvel.copy(), data.act.copy()
+    def slope():
+        mujoco.mj_forward(model, data)
+        return data.qvel.copy(), data.qacc.copy(), data.act_dot.copy()
+    ks = [slope()]
+    for c, time in ((0.5, t + h / 2), (0.5, t + h / 2), (1, {time})):
+        data.qpos[:] = q + c * h * ks[-1][0]
+        data.qvel[:] = v + c * h * ks[-1][1]
+        data.act[:] = a + {act} * ks[-1][2]
+        data.time = time
+        ks.append(slope())
+    w = ({weights})
+    data.qpos[:] = q + h / 6 * sum(b * k[0] for b, k in zip(w, ks))
+    data.qvel[:] = v + h / 6 * sum(b * k[1] for b, k in zip(w, ks))
+    data.act[:] = a + h / 6 * sum(b * k[2] for b, k in zip((1, 2, 2, 1), ks))
+    data.time = t + h
+"""
+
+
+@pytest.mark.parametrize(
+    ("changes", "rest"),
+    [
+        ({"time": "t + h / 2"}, "Apart from that: data.time is t + h/2 when stage 4 is evaluated"),
+        ({"act": "0"}, "Apart from that: data.act stands at the start of the step in all your stages"),
+        ({}, None),
+    ],
+)
+def test_what_else_is_wrong_is_said_and_the_line_is_that_of_the_first(
+    changes: dict[str, str], rest: str | None, grade: Grade
+) -> None:
+    texts = {"time": "t + h", "act": "c * h", "weights": "1, 2, 2, 2"} | changes
+    verdict = grade(STEP, STAGES_AND_REST.format(**texts))
+    said = verdict.diagnosis or ""
+    assert said.startswith("Your weights are 1/6, 1/3, 1/3, 1/3 and sum to 7/6")
+    assert rest in said if rest else "Apart" not in said
+    assert verdict.line == 16, "the sum, not the stage whose time is wrong"
+
+
+@pytest.mark.parametrize(
+    ("program", "marked"),
+    [
+        ("accelerations_are_views", "return v, data.qacc, data.act_dot.copy()"),
+        ("velocity_aliases_data", "t0, q0, v0, act0 = data.time, data.qpos.copy(), data.qvel, data.act.copy()"),
+        ("weights_over_four", "q, v, act = ("),
+        ("stage_three_from_both", "k3 = slope(q0 + h / 4 * (k1[0] + k2[0]), "),
+    ],
+)
+def test_the_line_is_where_the_mistake_stands_not_where_its_result_is_written(
+    program: str, marked: str, grade: Grade
+) -> None:
+    source = (PROGRAMS / "rk4-step" / f"incorrect__{program}.py").read_text()
+    line = grade(STEP, source).line
+    assert line is not None
+    assert source.splitlines()[line - 1].strip().startswith(marked)
 
 
 def test_another_data_is_named_where_the_steps_begin_at_several_states(read: Read) -> None:

@@ -202,8 +202,10 @@ def test_a_comment_stands_below_its_line_and_changes_no_points(
     expect(desk.locator("tr:has(td:text-is('2')) + tr.commented")).to_contain_text("<b>of text</b>")
 
     page = enter(browser, origin, settings, name, Role.STUDENT)
-    page.goto(STUDENTS)
+    page.goto("/")
+    page.get_by_role("link", name="1 comment", exact=True).click()
     expect(page.locator(".line-comments")).to_contain_text("Line 2: Two lines")
+    expect(page.locator("#attempts").get_by_role("link").first).to_contain_text(", 1 comment")
     counted = in_database(
         settings,
         lambda session: len(session.scalars(select(VerdictRow).where(VerdictRow.submission_id == script)).all()),
@@ -214,6 +216,7 @@ def test_a_comment_stands_below_its_line_and_changes_no_points(
         desk.locator(".line-comment").first.get_by_role("button", name="Delete").click()
     page.reload()
     expect(page.locator(".line-comments")).to_have_count(0)
+    expect(page.locator("#attempts")).not_to_contain_text("comment")
 
 
 def test_a_changed_copy_is_judged_and_the_submission_stays(desk: Page, settings: Settings) -> None:

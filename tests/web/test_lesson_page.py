@@ -62,6 +62,18 @@ def origin(content: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield origin
 
 
+def test_from_a_lesson_of_several_a_link_leads_to_all(tmp_path: Path) -> None:
+    (tmp_path / "quizzes").mkdir()
+    (tmp_path / "models").mkdir()
+    for quiz in ("1-check", "2-check"):
+        text = json.dumps({"id": quiz, "title": "A quiz", "questions": [MCQ]})
+        (tmp_path / "quizzes" / f"{quiz}.json").write_text(text)
+    with service(Settings(data=tmp_path, content=tmp_path, workers=0)) as origin:
+        links = httpx.get(f"{origin}/lessons/1").text.partition("</nav>")[0]
+    assert '<a href="/">Lessons</a>' in links
+    assert '<a href="/lessons/1" aria-current="page">Lesson 1</a>' in links
+
+
 def test_quizzes_and_labs_stand_where_the_author_put_them(origin: str) -> None:
     with httpx.Client(base_url=origin, follow_redirects=True) as client:
         client.post("/session", headers={"Sec-Fetch-Site": "same-origin"})
@@ -77,5 +89,6 @@ def test_quizzes_and_labs_stand_where_the_author_put_them(origin: str) -> None:
     assert all(body.count(f'id="{name}"') == 1 for name in ("2-check--fall", "2-check--rise", "the-end"))
     assert "alert(1)" not in body
     assert "Secret lab" not in body
+    assert ">Lessons</a>" not in page.text, "there is no other"
     assert '<a href="#asked">' in body
     assert len(page.content) < 60_000

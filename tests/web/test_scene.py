@@ -182,6 +182,7 @@ def test_a_ball_is_pulled_by_the_pointer_and_the_last_run_stays_as_a_ghost(
     assert (pull["geom"], pull["begin"]) == (1, 0)
     assert pull["goal"][0] > 0.2
     expect(page.locator("[data-ghost]")).to_contain_text("without this pull")
+    expect(page.locator("[data-message]")).to_contain_text("Pulled from 0\u00a0s to 0.4\u00a0s.")
     page.get_by_label("Time in the run").fill("60")
     expect(page.locator(".readouts dd")).not_to_have_text("0.000")
     there = canvas_of(page).evaluate(BLUES)

@@ -17,6 +17,9 @@ PLACE = re.compile(
 )
 """Where a mistake was made, before the sentence on it: a case's title, a function's name, the label of a number."""
 
+COUNTED = re.compile(r"[A-Z]\w{2,9} things are wrong\. First: ")
+"""What begins a sentence on several mistakes: its family is that of the first."""
+
 VARYING = re.compile(r"\b\d[\d.,]*\b|'[^']{1,80}'|`[^`]{1,80}`|\b\w*_\w+\b")
 """What two sentences on one mistake may differ in: numbers, quoted text, names of variables."""
 
@@ -83,8 +86,8 @@ def name_family(sentence: str) -> Mistake:
 
 
 def drop_place(sentence: str) -> str:
-    """Returns a sentence without where the mistake was made."""
-    found = PLACE.match(sentence)
+    """Returns a sentence without where the mistake was made, and how many there are."""
+    found = COUNTED.match(sentence) or PLACE.match(sentence)
     said = sentence[found.end() :] if found else sentence
     return said[:1].upper() + said[1:] if said.startswith(("your ", "each ")) else said
 

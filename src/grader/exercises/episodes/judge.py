@@ -82,7 +82,7 @@ def find_failed(goals: Sequence[Goal], values: Sequence[float]) -> frozenset[int
 
 def judge_goal(goal: Goal, id_: str, value: float, record: Record, *, failed: bool) -> Part:
     """Returns the finding of one goal."""
-    passed, title = not failed, goal.title or TITLES[goal.goal]
+    passed, title = not failed, goal.title or name_goal(goal)
     message = "Reached." if passed else UNMET if meets(goal, value) else FAILED[goal.goal]
     if record.lost_at_s is not None:
         message = LOST
@@ -101,6 +101,11 @@ def judge_goal(goal: Goal, id_: str, value: float, record: Record, *, failed: bo
     measured = float(f"{value:.6g}") if isfinite(value) else None
     expected = list(goal.within) if goal.within is not None else allowed
     return Part(id_, title, passed, message, detail, measured, expected, goal.points)
+
+
+def name_goal(goal: Goal) -> str:
+    """Returns what a goal without a title is called, with its own sensor where it has one."""
+    return f"{TITLES[goal.goal]} of {goal.sensor}" if goal.sensor else TITLES[goal.goal]
 
 
 def judge_share(

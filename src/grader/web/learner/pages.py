@@ -93,6 +93,7 @@ def show_lesson(
     with services.database.read() as session:
         work = read_work(session, library, reader, lesson.quizzes)
     shown = build_lesson_page(library, lesson, work, typed)
+    shown["is_one_of_several"] = len(group_lessons(library)) > 1
     return page(request, "lesson.html", status, who=who, address=address, **shown)
 
 

@@ -20,6 +20,10 @@ PLACE = re.compile(r" \(line \d+: .*\)(?=$|\.$)|, in line \d+ of your script\b")
 CONDITION = "If you did"
 """What begins a sentence that makes no sense without the one before it."""
 
+FIRST = re.compile(r"\bFirst: (.*?)(?= Second: |$)")
+FURTHER = re.compile(r" (?:Apart from that|There is more): .*$")
+"""Of several mistakes the first stands at the place; the others are elsewhere."""
+
 SENTENCE_END = re.compile(r"(?<=[.!?]) (?=[A-Z])")
 CLAUSE = re.compile(r"(?<=[a-z0-9)])(?<!Error)(?<!Exception): (?=[a-z])")
 """What stands before the advice in a sentence such as `data.act does not change: advance it with data.act_dot`."""
@@ -93,7 +97,9 @@ def read_raised_line(diagnosis: str) -> int:
 
 def find_advice(diagnosis: str) -> str:
     """Returns the end of a diagnosis that says what to do there; all of it where it has one clause."""
-    diagnosis = PLACE.sub("", diagnosis.strip())
+    diagnosis = FURTHER.sub("", PLACE.sub("", diagnosis.strip()))
+    if (one := FIRST.search(diagnosis)) is not None:
+        return one[1]
     first, *others = SENTENCE_END.split(diagnosis, maxsplit=1)
     if others and not others[0].startswith(CONDITION):
         return others[0]

@@ -85,6 +85,12 @@ class Given:
         return describe_file(str(self.answer["file"])) if is_file else ""
 
     @property
+    def comment_count(self) -> str:
+        """How many comments there are, in words; empty where there are none."""
+        count = len(self.comments)
+        return f"{count} comment{'' if count == 1 else 's'}" if count else ""
+
+    @property
     def commented(self) -> list[tuple[Comment, str]]:
         """Each comment with the text of its line."""
         lines = ["", *self.text.splitlines()]

@@ -1,7 +1,7 @@
 # mistake: Two mistakes: mj_forward lacks at the second stage, and k3 counts once.
 # next: Call mj_forward at stage 2, and count k3 twice.
 # status: incorrect
-# told: Second: In your stage 2 mj_forward is not called
+# told: Two things are wrong. First: In your stage 2 mj_forward is not called
 import mujoco
 
 def rk4_step(model, data):

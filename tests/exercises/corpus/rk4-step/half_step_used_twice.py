@@ -1,7 +1,7 @@
 # mistake: The middle slopes are halved twice: h/2 is already in the name `half`, and it is divided by two again at the stages.
 # next: Reach the middle stages with h/2 times the slope, not h/4.
 # status: incorrect
-# told: Your stage 2 moves by h/4 k1; it should move by h/2 k1 from the start of the
+# told: Your stages 2 and 3 lie 1/2 times as far from the start as they should
 import mujoco
 
 def rk4_step(model, data):

@@ -1,6 +1,6 @@
 # mistake: the weights 1, 3, 3, 1 over 8 belong to the 3/8 rule, whose stages lie at thirds; here they are the classical halves
 # status: incorrect
-# told: The weights are those of the 3/8 rule (1, 3, 3, 1 over 8) on the classical stages;
+# told: The weights are those of the 3/8 rule (1, 3, 3, 1 over 8); the classical ones are 1, 2, 2, 1 over 6.
 import mujoco
 import numpy as np
 

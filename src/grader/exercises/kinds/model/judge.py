@@ -79,6 +79,7 @@ def judge_model(problem: Problem, results: Results) -> Judgement[Outcome]:
 def judge_goal(goal: Goal, id_: str, compared: Mapping[str, Compared], *, runs: bool) -> Part:
     """Returns the finding of one goal; `runs` is whether its values are those at the end of a run."""
     wrong = {name: one for name, one in compared.items() if one.fault}
+    wrong = dict(sorted(wrong.items(), key=lambda item: not item[1].missing))  # a name that lacks explains a number
     faults = list(dict.fromkeys(one.fault for one in wrong.values()))
     more = f"({len(faults) - FAULTS_MAX} more)" if len(faults) > FAULTS_MAX else ""
     message = " ".join(filter(None, [*faults[:FAULTS_MAX], more])) or "As it should be."

@@ -1,7 +1,7 @@
 """Names the mistake that the trace of one wrong run shows, by ordered rules on its tableau, rotations and state."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.rk4.addresses import explain_misplaced, explain_quaternion_length
-from grader.exercises.kinds.rk4.combinations import Term
+from grader.exercises.kinds.rk4.combinations import Combination, Term
 from grader.exercises.kinds.rk4.judging.judge import RunOutcome
 from grader.exercises.kinds.rk4.judging.quaternions import find_quaternions
 from grader.exercises.kinds.rk4.lines import END, Place
@@ -53,7 +53,17 @@ from grader.exercises.kinds.rk4.sentences.states import (
 )
 from grader.exercises.kinds.rk4.sentences.tableaus import STAGES
 from grader.exercises.kinds.rk4.step_trace import read_steps
-from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Reading, Rule, is_same, read_tableau, to_matrix
+from grader.exercises.kinds.rk4.tableau import (
+    CLASSICAL,
+    COEFFICIENT_ATOL,
+    Matrix,
+    Reading,
+    Rule,
+    is_same,
+    is_same_row,
+    read_tableau,
+    to_matrix,
+)
 from grader.exercises.rules import find_sentence
 from grader.exercises.trace import Trace, get_list
 from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
@@ -143,12 +153,13 @@ def diagnose_reading(outcome: RunOutcome, failed: Sequence[AnyJudged], reading: 
     else:
         sentence = explain_slopes(reading, judged.trace.returned_values)
     if sentence and (is_whole_tableau(reading) or sentence == explain_early_calls(reading)):
-        return Diagnosis(sentence, place=find_first_difference(reading))
+        return Diagnosis(add_rest(sentence, failed), place=find_first_difference(reading))
     rest = explain_rest(reading, outcome) if follows_classical(reading) else None
     taken = [steps for one in failed if (steps := list_taken_steps(one))]
     match = find_match(taken, OF_BARE_DATA if rest else MUTANTS) if taken else None
     if match and match.mutants and not (sentence and is_better_told_by_tableau(match, reading)):
-        return Diagnosis(match.sentence, place=find_mutant_place(match))
+        more = "" if match.explains_all else " There is more: this does not explain every failed case."
+        return Diagnosis(match.sentence + more, place=find_mutant_place(match))
     sentence = sentence or add_second(rest, failed[1:])
     fallback = explain_other_steppers(judged.trace) or find_sentence(FALLBACK_RULES, reading)
     return Diagnosis(sentence, fallback, find_first_difference(reading))
@@ -170,6 +181,43 @@ def add_second(first: str | None, others: Sequence[AnyJudged]) -> str | None:
             if second is not None and second != first:
                 return f"Two things are wrong. First: {first} Second: {second}"
     return first
+
+
+def add_rest(sentence: str, failed: Sequence[AnyJudged]) -> str:
+    """Returns the sentence on positions and velocities, with that on activations or a time which are wrong in another
+    way."""
+    time_matters = any(one.judgement.outcome.problem.time_matters for one in failed)
+    for one in failed:
+        reading = read_judged_run(one)
+        velocities = None if reading is None else to_matrix(reading.velocities, "a")
+        if reading is None or velocities is None:
+            continue
+        rest = explain_activations(replace(reading, activations=list_own_activations(reading)))
+        if rest is None and time_matters and moves_time_apart(reading, velocities):
+            rest = explain_time(reading)
+        if rest is not None:
+            return f"{sentence} Apart from that: {rest}"
+    return sentence
+
+
+def list_own_activations(reading: Reading) -> Sequence[Combination]:
+    """Returns the rows of the activations, with the classical one in place of each that is wrong as positions or
+    velocities are; none where a row cannot be read."""
+    rows = to_matrix(reading.activations, "r") if reading.activations else None
+    others = [to_matrix(reading.positions, "v"), to_matrix(reading.velocities, "a")]
+    return [
+        get_classical("r", index, reading.calls)
+        if any(other is not None and is_same_row(other[index], row) for other in others)
+        else {Term("r", stage): share for stage, share in enumerate(row, 1) if share}
+        for index, row in enumerate(rows or ())
+    ]
+
+
+def moves_time_apart(reading: Reading, velocities: Matrix) -> bool:
+    """Whether the time at some stage is not that to which the stage's velocities have moved."""
+    times = [None if row is None else row.get(Term("t", 0), 0.0) for row in reading.times]
+    moved = [*map(sum, velocities[:-1]), 1.0]
+    return any(time is None or abs(time - right) > COEFFICIENT_ATOL for time, right in zip(times, moved, strict=True))
 
 
 def is_whole_tableau(reading: Reading) -> bool:
@@ -199,19 +247,26 @@ def find_mutant_place(match: Match) -> Place:
 
 
 def find_first_difference(reading: Reading) -> Place | None:
-    """Returns the first row of a reading that is not that of the classical method; None if all are."""
-    parts = (("qpos", "v", reading.positions), ("qvel", "a", reading.velocities), ("act", "r", reading.activations))
-    for row in range(reading.calls + 1):
-        after = row if row < reading.calls else END
-        known = CLASSICAL[row if row < reading.calls else -1] if row < len(CLASSICAL) else ()
-        for name, slope, rows in parts:
-            right = {Term(slope, stage): share for stage, share in enumerate(known, 1) if share}
-            if rows and (rows[row] is None or not is_close(rows[row] or {}, right)):
-                return Place(after, name, reading.calls)
-        time = {Term("t", 0): share} if (share := FRACTIONS_OF_TIME[min(row, STAGES)]) else {}
-        if reading.times[row] is None or not is_close(reading.times[row] or {}, time):
-            return Place(after, "time", reading.calls)
+    """Returns the first row of a reading that is not that of the classical method; None if all are. As the sentences
+    do, it looks at positions and velocities before activations, and at the time last."""
+    positions, velocities = ("qpos", "v", reading.positions), ("qvel", "a", reading.velocities)
+    for parts in ((positions, velocities), (("act", "r", reading.activations),), (("time", "t", reading.times),)):
+        for row in range(reading.calls + 1):
+            for name, slope, rows in parts:
+                if rows and (
+                    rows[row] is None or not is_close(rows[row] or {}, get_classical(slope, row, reading.calls))
+                ):
+                    return Place(row if row < reading.calls else END, name, reading.calls)
     return None
+
+
+def get_classical(slope: str, row: int, calls: int) -> dict[Term, float]:
+    """Returns the combination of a row of the classical method, row `calls` for the end of the step."""
+    if slope == "t":
+        share = FRACTIONS_OF_TIME[min(row, STAGES)]
+        return {Term("t", 0): share} if share else {}
+    known = CLASSICAL[row if row < calls else -1] if row < len(CLASSICAL) else ()
+    return {Term(slope, stage): share for stage, share in enumerate(known, 1) if share}
 
 
 def explain_changed_model(judged: AnyJudged) -> str | None:

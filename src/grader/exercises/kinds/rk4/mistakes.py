@@ -1,6 +1,7 @@
 """Names the mistake behind a wrong trajectory: by its trace, else by simulating wrong methods until one gives it. The
 simulation knows few methods. It is for scripts whose trace cannot be read: forged, cut, or with too many calls."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -8,8 +9,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from grader.exercises.explaining.values import find_origin, find_view
 from grader.exercises.kind import JudgedTrial, Mistake
-from grader.exercises.kinds.rk4.diagnosis import diagnose_passed_run, diagnose_run
+from grader.exercises.kinds.rk4.diagnosis import Diagnosis, diagnose_passed_run, diagnose_run
 from grader.exercises.kinds.rk4.judging.driver import Forward
 from grader.exercises.kinds.rk4.judging.judge import Rk4Outcome, RunOutcome
 from grader.exercises.kinds.rk4.judging.quaternions import find_quaternions
@@ -53,6 +55,11 @@ FLOAT32 = 1e-3
 
 FAR, NEAR = 1e-2, 2e-3
 """Differences of quaternions: a wrong sign gives more than the one, two methods of fourth order less than the other."""
+
+VIEW = re.compile(r"\bis a view\b|\bare views\b|\balias(?:es)? data\.|without \.copy\(\)")
+"""What sentences say of a field of data that is kept without a copy."""
+
+FIELD = re.compile(r"\bdata\.(qpos|qvel|qacc|act_dot)\b")
 
 Vector = NDArray[np.float64]
 State = tuple[Vector, Vector]
@@ -163,7 +170,7 @@ def name_the_mistake(first_case: str, judged: Sequence[JudgedTrial[Problem, Rk4O
         passed = (diagnose_passed_run(one) for one in runs if one not in failed and not one.trial.hidden)
         diagnosis = next((one for one in passed if one.sentence), diagnosis)
     if diagnosis.sentence:
-        return Mistake(diagnosis.sentence, find_first_line([one.trace for one in runs], diagnosis.place))
+        return Mistake(diagnosis.sentence, find_mistaken_line(diagnosis, runs))
     if wraps_angles(outcome):
         return Mistake(
             "You wrap angles into one turn: MuJoCo does not, so leave data.qpos as it comes out of the step."
@@ -178,6 +185,16 @@ def name_the_mistake(first_case: str, judged: Sequence[JudgedTrial[Problem, Rk4O
         diagnosis.fallback if is_first else None
     )
     return Mistake(sentence) if sentence else None
+
+
+def find_mistaken_line(diagnosis: Diagnosis, runs: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> int | None:
+    """Returns the line that a diagnosis is about: that of the view which it names, else the one that computes what the
+    step writes at its place."""
+    script, sentence = runs[0].script, diagnosis.sentence or ""
+    if VIEW.search(sentence) and (line := find_view(script, FIELD.findall(sentence))) is not None:
+        return line
+    line = find_first_line([one.trace for one in runs], diagnosis.place)
+    return None if line is None or diagnosis.place is None else find_origin(script, line, diagnosis.place.part)
 
 
 def find_first_line(traces: Sequence[Trace], place: Place | None) -> int | None:

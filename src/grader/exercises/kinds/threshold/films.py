@@ -55,17 +55,24 @@ def record_films(
     parameters: ThresholdParameters, trials: Sequence[Trial[Cell]], evidence: Mapping[str, Any],
     failed: Collection[str],
 ) -> Iterator[Film]:  # fmt: skip
-    """Yields the films of the first case with a failed trial, else of the first: at both ends of the claims, and, where
-    the evidence has the limits, around these."""
+    """Yields the films of the first case with a failed trial, else of the first: at both ends of the claims, that which
+    refutes one first, and, where the evidence has the limits, around these."""
     by_id = {trial.id: trial for trial in trials}
     shown = choose_case(by_id, evidence, failed)
     if not shown:
         return
     brackets = any(one.claim_ms for one in shown)
+    ends = list[tuple[bool, Film]]()
     for end, name in enumerate(("lower end", "upper end") if brackets else ("longest timestep",)):
         takes = [take for one in shown for take in take_claim(parameters, by_id[one.case], one, end)]
         title = f"At the {name} of {'your bracket' if brackets else 'the search'}"
-        yield from shoot(parameters, name.replace(" ", "-"), title, takes)
+        for film in shoot(parameters, name.replace(" ", "-"), title, takes):
+            agrees = all(
+                bool(panel.ended) == bool(end)
+                for panel, take in zip(film.panels, takes, strict=True) if not take.what
+            )  # fmt: skip
+            ends.append((agrees, film))
+    yield from (film for _, film in sorted(ends, key=lambda one: one[0]))
     limits = read_limits(evidence)
     known = [(by_id[one.case], limits[one.case]) for one in shown if one.case in limits]
     for name, is_above in (("below", False), ("above", True)):

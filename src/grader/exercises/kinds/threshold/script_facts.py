@@ -16,7 +16,7 @@ from grader.exercises.explaining.places import (
     find_test,
     write_of,
 )
-from grader.exercises.explaining.script import Script, read_name, walk_within
+from grader.exercises.explaining.script import LOOPS, Script, read_name, walk_within
 from grader.exercises.kinds.threshold.run_mistakes import FIELD_NAMES, SHORT_SHARE
 from grader.exercises.kinds.threshold.search_trace import Search, read_search
 
@@ -103,14 +103,32 @@ def find_search(script: Script, _: object) -> int | None:
     return script.find_loop(lambda node: isinstance(node, ast.Assign) and node.lineno in lines)
 
 
-def find_run_result(script: Script, _: object) -> int | None:
-    """Returns the line of the last `return` of the innermost function that steps."""
+def list_run_nodes(script: Script) -> list[ast.AST]:
+    """Returns what stands in the innermost function that steps; nothing where none does."""
     functions = [node for node in script.nodes if isinstance(node, ast.FunctionDef)]
     for function in reversed(functions):
         within = list(walk_within(function))
         if any(isinstance(node, ast.Call) and read_name(node.func) == "mj_step" for node in within):
-            return max((node.lineno for node in within if isinstance(node, ast.Return)), default=None)
-    return None
+            return within
+    return []
+
+
+def find_run_result(script: Script, _: object) -> int | None:
+    """Returns the line of the last `return` of the innermost function that steps."""
+    return max((node.lineno for node in list_run_nodes(script) if isinstance(node, ast.Return)), default=None)
+
+
+def find_own_test(script: Script, _: object) -> int | None:
+    """Returns the line of the one condition without a warning by which a run ends early, or which it returns; None
+    where there is none, or several."""
+    within = list_run_nodes(script)
+    loops = [node for node in within if isinstance(node, LOOPS)]
+    branches = [node for loop in loops for node in walk_within(loop) if isinstance(node, ast.If)]
+    ending = [node for node in branches if any(isinstance(one, ast.Return | ast.Break) for one in node.body)]
+    returned = [node.value for node in within if isinstance(node, ast.Return) and isinstance(node.value, ast.Compare)]
+    tests = [node.test for node in ending] or returned
+    lines = {test.lineno for test in tests if "warning" not in ast.unparse(test)}
+    return lines.pop() if len(lines) == 1 else None
 
 
 LANDMARKS: tuple[Landmark, ...] = build_landmarks([
@@ -129,7 +147,8 @@ LANDMARKS: tuple[Landmark, ...] = build_landmarks([
     (r"a `?return`? that stands inside the loop", find_return_in_loop),
     (r"[Rr]uns are too short|runs ends after its first step", find_run),
     (r"go on halving|no timestep between them was tried", find_search),
-    (r"your answer calls that timestep stable|you call it unstable", find_run_result),
+    (r"your answer calls that timestep stable", find_run_result),
+    (r"you call it unstable", find_own_test),
     (r"[Yy]our function prints", call_of("print")),
     (r"The model that you step is not the one you were given: .*?\.", find_changed_field),
     (r"actuators of your model are switched off|automatic reset off", write_of("disableflags")),

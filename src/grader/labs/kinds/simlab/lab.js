@@ -157,15 +157,16 @@ class SceneLab {
     const who = this.integrator ?? "This integrator";
     const step = limit && run.controls[limit.control];
     const isAbove = limit?.timestep_s && step > limit.timestep_s;
+    const pulled = this.pulls.length ? `Pulled from ${seconds(this.pulls.at(-1).begin)} to ${seconds(this.pulls.at(-1).end)}.` : "";
     const bound = limit && (limit.timestep_s ? `${who} is stable up to ${limitText(limit, run)} here${isAbove ? `; you step ${seconds(step)}` : ""}.`
       : `${who} is stable in the whole range of this timestep.`);
     if (!warning) {
       const calm = isAbove ? `Grows; no warning within ${number(run.seconds)} s.` : `No warning within ${number(run.seconds)} s.`;
-      return [[calm, bound].filter(Boolean).join(" "), Boolean(isAbove)];
+      return [[pulled, calm, bound].filter(Boolean).join(" "), Boolean(isAbove)];
     }
     const why = warning.resets ? `: ${KINDS[warning.kind]}, and the state was reset` : "";
     const part = spanOf(run) < run.times.at(-1) ? `Shown are the first ${seconds(spanOf(run))}.` : "";
-    return [[`MuJoCo warned ${warning.kind} at ${seconds(warning.time)}${why}.`, bound, part].filter(Boolean).join(" "), true];
+    return [[pulled, `MuJoCo warned ${warning.kind} at ${seconds(warning.time)}${why}.`, bound, part].filter(Boolean).join(" "), true];
   }
 
   drawPlots() {

@@ -101,7 +101,7 @@ def find_match(trials: Sequence[TakenSteps], mutants: Sequence[Mutant] = MUTANTS
         if compared.steps_left <= 0:
             break
         if compared.may_take(program) and compared.takes(program):
-            return Match(tuple(sorted((first, second), key=lambda one: one.place)))
+            return Match(tuple(sorted((first, second), key=lambda one: (one.place[0] == "end", one.place))))
     return Match((singles[0],), explains_all=False) if singles and differs else None
 
 

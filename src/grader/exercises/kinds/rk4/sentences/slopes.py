@@ -165,7 +165,7 @@ def explain_separate_rules(reading: Reading) -> str | None:
         return (
             explain_overwritten_velocities(velocities)
             or explain_view(velocities, "qacc")
-            or describe_method(velocities, "velocity")
+            or describe_method(velocities, "velocity", positions)
         )
     if positions is not None:
         return (

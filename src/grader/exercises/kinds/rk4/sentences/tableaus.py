@@ -1,7 +1,7 @@
 """Says what is wrong with a tableau: the student's stages and weights beside the classical ones. `what` is what the
 rows move: the whole "state", or the "position" or "velocity" alone."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -42,14 +42,15 @@ STATE_ARRAYS = {"state": "data.qpos[:] and data.qvel[:]", "position": "data.qpos
 SLOPE_NAMES = {"state": "velocity and acceleration", "position": "velocity", "velocity": "acceleration"}
 
 
-def describe_method(rows: Matrix, what: str) -> str:
-    """Returns the sentence of a tableau that is not the classical one."""
+def describe_method(rows: Matrix, what: str, positions: Matrix | None = None) -> str:
+    """Returns the sentence of a tableau that is not the classical one. `positions`: that of the positions, where it is
+    another."""
     calls = len(rows) - 1
     known = find_sentence((explain_named_method, explain_several_steps, explain_reused_slope), rows)
     if known is not None:
         return known
     if calls == STAGES:
-        return describe_four_stages(rows, what)
+        return describe_two_tableaus(positions, rows) if positions else describe_four_stages(rows, what)
     slopes = f"{spell_number(calls)} {'slope' if calls == 1 else 'slopes'}"
     order = compute_order(rows)
     if order >= 4:
@@ -115,11 +116,50 @@ def explain_reused_slope(rows: Matrix) -> str | None:
 
 def describe_four_stages(rows: Matrix, what: str) -> str:
     """Returns the sentence of four stages that are not the classical ones, or have other weights."""
-    wrong = [stage for stage in range(1, STAGES + 1) if not is_same_row(rows[stage - 1], CLASSICAL[stage - 1])]
-    known = look_up(rows, CHAINED_STAGES) or explain_several_stages(rows, wrong)
-    if known:
-        return add_subject(what, known)
-    return describe_stage(wrong[0], rows[wrong[0] - 1], what) if wrong else describe_weights(rows[-1], what)
+    return join_mistakes([sentence for _, sentence in list_mistakes(rows, what)])
+
+
+def describe_two_tableaus(positions: Matrix, velocities: Matrix) -> str:
+    """Returns the sentence of positions and velocities that each move by four stages. A row that is wrong in the same
+    way for both is one mistake of the state."""
+    both, only_positions, only_velocities = [], [], []
+    for one, other, right in zip(positions, velocities, CLASSICAL, strict=True):
+        alike = is_same_row(one, other)
+        both.append(one if alike else right)
+        only_positions.append(right if alike else one)
+        only_velocities.append(right if alike else other)
+    mistakes = [
+        *list_mistakes(both, "state"),
+        *list_mistakes(only_positions, "position"),
+        *list_mistakes(only_velocities, "velocity"),
+    ]
+    return join_mistakes([sentence for _, sentence in sorted(mistakes, key=lambda one: one[0])])
+
+
+def list_mistakes(rows: Matrix, what: str) -> Iterator[tuple[int, str]]:
+    """Yields what is wrong with four stages and their weights, each with the number of the first wrong row, from 1."""
+    wrong = [row for row in range(1, STAGES + 2) if not is_same_row(rows[row - 1], CLASSICAL[row - 1])]
+    stages = [row for row in wrong if row <= STAGES]
+    if (known := look_up(rows, CHAINED_STAGES)) is not None:
+        yield wrong[0], add_subject(what, known)
+        return
+    if (several := explain_several_stages(rows, stages)) is not None:
+        yield stages[0], add_subject(what, several)
+    else:
+        yield from ((stage, describe_stage(stage, rows[stage - 1], what)) for stage in stages)
+    if len(wrong) > len(stages):
+        yield wrong[-1], describe_weights(rows[-1], what)
+
+
+ORDINALS = ("First", "Second", "Third")
+
+
+def join_mistakes(sentences: Sequence[str]) -> str:
+    """Returns what is wrong as one text: how many things, and the first three of them."""
+    if len(sentences) == 1:
+        return sentences[0]
+    named = " ".join(f"{place}: {sentence}" for place, sentence in zip(ORDINALS, sentences, strict=False))
+    return f"{spell_number(len(sentences)).capitalize()} things are wrong. {named}"
 
 
 def add_subject(what: str, sentence: str) -> str:
@@ -153,12 +193,14 @@ def explain_several_stages(rows: Matrix, wrong: Sequence[int]) -> str | None:
             "Your stages 2, 3 and 4 all use the first slope; use the slope of the stage before (k2 for stage 3, k3 for "
             "stage 4)."
         )
-    alone = all(np.count_nonzero(np.abs(stage) > COEFFICIENT_ATOL) == 1 for stage in rows[1:-1])
-    ratios = {round(rows[i][i - 1] / CLASSICAL[i][i - 1], 6) for i in (1, 2, 3)}
-    if list(wrong) == [2, 3, 4] and alone and len(ratios) == 1 and ratios != {0.0}:
+    alone = all(np.count_nonzero(np.abs(rows[i - 1]) > COEFFICIENT_ATOL) == 1 for i in wrong)
+    ratios = [rows[i - 1][i - 2] / CLASSICAL[i - 1][i - 2] for i in wrong if i > 1]
+    if alone and len(wrong) == len(ratios) > 1 and ratios[0] and np.allclose(ratios, ratios[0], rtol=0, atol=1e-6):
+        *first, last = (f"{FRACTIONS[i]} k{i - 1}" for i in wrong)
+        *before, behind = map(str, wrong)
         return (
-            f"Your stages 2, 3 and 4 lie {format_coefficient(ratios.pop())} times as far from the start as they "
-            "should: move by h/2 k1, h/2 k2 and h k3."
+            f"Your stages {', '.join(before)} and {behind} lie {format_coefficient(ratios[0])} times as far from "
+            f"the start as they should: move by {', '.join(first)} and {last}."
         )
     return None
 
@@ -193,7 +235,7 @@ def describe_stage(stage: int, row: Row, what: str) -> str:
 WRONG_WEIGHTS: Mapping[tuple[float, ...], str] = {
     (1 / 4,) * 4: "All four slopes have the same weight; the classical weights are 1, 2, 2, 1 over 6.",
     (1 / 8, 3 / 8, 3 / 8, 1 / 8): (
-        "The weights are those of the 3/8 rule (1, 3, 3, 1 over 8) on the classical stages; use 1, 2, 2, 1 over 6."
+        "The weights are those of the 3/8 rule (1, 3, 3, 1 over 8); the classical ones are 1, 2, 2, 1 over 6."
     ),
     (1 / 6,) * 4: "The weights do not sum to 1: the middle slopes count twice (1, 2, 2, 1 over 6).",
     (1,) * 4: "The four slopes are added up without weights: use 1, 2, 2, 1 over 6.",
