@@ -21,8 +21,9 @@ ATTEMPTS_MIN = 3
 RECENT = timedelta(days=7)
 """Learners who have not tried again since then are left out."""
 
-SUBMISSIONS_MAX = 10_000
-"""Submissions that are looked at, the newest ones: more than a large course gets in all but its busiest weeks."""
+SUBMISSIONS_MAX = 5_000
+"""Submissions that are looked at, the newest ones: more than a class of 100 gets in its busiest week, and those of the
+last hours in a course of thousands."""
 
 PLACES_MAX = 200
 """Learners at a question whose attempts are read, those who tried last."""
