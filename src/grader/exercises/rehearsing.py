@@ -90,7 +90,7 @@ def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content
             trials.extend(rehearse_case(kind, parameters, content, index, kind.rehearse))
         except Exception as error:  # code of another package: anything may be raised
             yield getattr(error, "key", key), explain_refusal(kind, error)
-    ids_of_trials = [trial.id for trial in trials]
+    ids_of_trials = [trial.id for trial in trials] if len({*ids}) == len(ids) else []  # else the case is the fault
     if repeated := next((one for one in ids_of_trials if ids_of_trials.count(one) > 1), None):
         yield "", f"the kind makes several trials with the id {repeated!r}: its build_trials must name each by its case"
     if {trial.case.id for trial in trials if trial.case} == {*ids}:
