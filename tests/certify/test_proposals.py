@@ -110,7 +110,7 @@ def is_near_zero(raw: dict[str, Any]) -> bool:
     return abs(answer) < 0.02 * max(M_IN.get(raw["unit"], 0.0), 1e-3)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None, derandomize=True)
 @given(draw_numeric().filter(lambda raw: not is_near_zero(raw)))
 def test_a_true_number_holds_and_what_is_pasted_certifies_it(raw: dict[str, Any]) -> None:
     proposal = propose(raw)
@@ -118,7 +118,7 @@ def test_a_true_number_holds_and_what_is_pasted_certifies_it(raw: dict[str, Any]
     assert certify_pasted(raw, proposal) == "certified"
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None, derandomize=True)
 @given(
     draw_numeric().filter(lambda raw: not is_near_zero(raw)),
     st.sampled_from((2.0, 0.5, 1.1, 1 / 1.1, 10.0, 1000.0, math.pi, 180 / math.pi, math.pi / 180, -1.3)),
@@ -159,7 +159,7 @@ def draw_prediction(draw: st.DrawFn) -> tuple[dict[str, Any], int]:
     return {"kind": "predict", "q": "What does its place do?", "options": words, "sim": sim}, right
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=8, deadline=None, derandomize=True)
 @given(draw_prediction(), st.integers(1, 2))
 def test_the_right_option_holds_and_no_other(drawn: tuple[dict[str, Any], int], shift: int) -> None:
     raw, right = drawn
