@@ -278,6 +278,13 @@ def test_faults_of_an_author_are_told_at_their_key(
     assert why in told[f"two.check.{key}"]
 
 
+def test_a_unit_that_is_not_known_is_remarked_on(tmp_path: Path) -> None:
+    functions = [{"results": [{"name": "sum", "unit": "metrs"}, {"name": "product", "unit": "m2"}]}]
+    (remark,) = load(folder(tmp_path, functions=functions)).warnings
+    assert remark.key == "two.check.functions.0.results.0.unit"
+    assert remark.why.startswith("'metrs' is not a known unit: correct it")
+
+
 def test_a_changed_program_changes_the_digest(tmp_path: Path) -> None:
     before = load(folder(tmp_path)).digest("q")
     assert load(folder(tmp_path, PROGRAM + "\n# clearer\n")).digest("q") != before

@@ -1,6 +1,6 @@
 """`code`: write a script, a model or a file, which `grader.exercises` runs in the jail and judges by simulating."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -11,6 +11,7 @@ from grader.domain.run import Limits
 from grader.domain.verdict import Status, Verdict
 from grader.questions.forms import ENTRY, FORMS, Form, Takes, describe_file, read_text
 from grader.questions.kind import Example, Fields, QuestionKind, typed_in
+from grader.questions.kinds.number.units import known_unit, suggest_unit
 from grader.questions.question import Question, Reveal
 
 NO_ENTRY = "is required: the name of the function that a script must define"
@@ -48,6 +49,18 @@ class ScriptQuestion(Question):
         return FORMS[self.takes]
 
 
+def list_units(part: Any, key: str) -> Iterator[tuple[str, str]]:
+    """Yields every unit of an exercise's parameters, with its key."""
+    if isinstance(part, Mapping):
+        if isinstance(unit := part.get("unit"), str):
+            yield f"{key}.unit", unit
+        for name, inner in part.items():
+            yield from list_units(inner, f"{key}.{name}")
+    elif isinstance(part, Sequence) and not isinstance(part, str):
+        for index, inner in enumerate(part):
+            yield from list_units(inner, f"{key}.{index}")
+
+
 class Script(QuestionKind[ScriptQuestion, str]):
     """A script, a model or a file. Its faults, its trials and its verdict are those of its exercise."""
 
@@ -58,6 +71,13 @@ class Script(QuestionKind[ScriptQuestion, str]):
         """Yields that a script has no function to call."""
         if question.takes == "python" and "entry" not in question.model_fields_set:
             yield Remark("entry", NO_ENTRY)
+
+    def warnings(self, question: ScriptQuestion) -> Iterator[Remark]:
+        """Yields units of the exercise that are not known, which learners would read."""
+        for key, unit in list_units(question.check.parameters, "check"):
+            if unit and known_unit(unit) is None:
+                cure = f"correct it{suggest_unit(unit)}, or keep it where it counts things"
+                yield Remark(key, f"{unit!r} is not a known unit: {cure}")
 
     def reveal(self, question: ScriptQuestion) -> Reveal | None:
         """Returns what the author allows."""
