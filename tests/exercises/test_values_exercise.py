@@ -285,6 +285,14 @@ def test_a_unit_that_is_not_known_is_remarked_on(tmp_path: Path) -> None:
     assert remark.why.startswith("'metrs' is not a known unit: correct it")
 
 
+def test_tex_in_the_sentence_of_a_mistake_is_remarked_on(tmp_path: Path) -> None:
+    (tmp_path / "programs").mkdir()
+    (tmp_path / "programs/wrong.py").write_text("def two(a, b):\n    return a, b\n")
+    mistakes = [{"program": "programs/wrong.py", "sentence": "Add them: $a + b$."}]
+    (remark,) = load(folder(tmp_path, mistakes=mistakes)).warnings
+    assert (remark.key, "without $" in remark.why) == ("two.check.mistakes.0.sentence", True)
+
+
 def test_a_changed_program_changes_the_digest(tmp_path: Path) -> None:
     before = load(folder(tmp_path)).digest("q")
     assert load(folder(tmp_path, PROGRAM + "\n# clearer\n")).digest("q") != before

@@ -49,16 +49,16 @@ class ScriptQuestion(Question):
         return FORMS[self.takes]
 
 
-def list_units(part: Any, key: str) -> Iterator[tuple[str, str]]:
-    """Yields every unit of an exercise's parameters, with its key."""
+def list_texts(part: Any, name: str, key: str) -> Iterator[tuple[str, str]]:
+    """Yields every text of this name in an exercise's parameters, with its key."""
     if isinstance(part, Mapping):
-        if isinstance(unit := part.get("unit"), str):
-            yield f"{key}.unit", unit
-        for name, inner in part.items():
-            yield from list_units(inner, f"{key}.{name}")
+        if isinstance(text := part.get(name), str):
+            yield f"{key}.{name}", text
+        for inner, value in part.items():
+            yield from list_texts(value, name, f"{key}.{inner}")
     elif isinstance(part, Sequence) and not isinstance(part, str):
-        for index, inner in enumerate(part):
-            yield from list_units(inner, f"{key}.{index}")
+        for index, value in enumerate(part):
+            yield from list_texts(value, name, f"{key}.{index}")
 
 
 class Script(QuestionKind[ScriptQuestion, str]):
@@ -73,8 +73,12 @@ class Script(QuestionKind[ScriptQuestion, str]):
             yield Remark("entry", NO_ENTRY)
 
     def warnings(self, question: ScriptQuestion) -> Iterator[Remark]:
-        """Yields units of the exercise that are not known, which learners would read."""
-        for key, unit in list_units(question.check.parameters, "check"):
+        """Yields units of the exercise that are not known, and TeX in the sentences of mistakes: learners would read
+        both as they stand."""
+        for key, sentence in list_texts(question.check.parameters, "sentence", "check"):
+            if "$" in sentence:
+                yield Remark(key, "is shown as plain text: write its formulas without $, such as v²/(2μg)")
+        for key, unit in list_texts(question.check.parameters, "unit", "check"):
             if unit and known_unit(unit) is None:
                 cure = f"correct it{suggest_unit(unit)}, or keep it where it counts things"
                 yield Remark(key, f"{unit!r} is not a known unit: {cure}")
