@@ -106,10 +106,12 @@ def test_what_is_there_stays(course: Path) -> None:
         ("no kind of question 'quiz'", "question", "quiz", "1.1-check", "--in", str(course)),
         ("there are examples of", "exercise", "quiz", "1.1-check", "--in", str(course)),
         ("rename it first", "exercise", "threshold", "1.1-check", "--in", str(course)),
+        ("rename it first", "exercise", "threshold", "1.1-exercises", "--in", str(course)),
     ):
         done = grader("new", *arguments)
         assert (done.returncode, done.stdout) == (2, "")
         assert told in done.stderr
     assert (course / "quizzes" / "1.1-check.json").read_text() == before
+    assert not (course / "quizzes" / "1.1-exercises.json").exists()
     (course / "quizzes" / "2.1.json").write_text("{")
     assert "2.1.json" in grader("new", "question", "mcq", "2.1", "--in", str(course)).stderr

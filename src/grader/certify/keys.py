@@ -54,8 +54,8 @@ def certify_quizzes(
 
 
 def name_slip(question: Question, key: AnswerKey, certificate: Certificate) -> Certificate:
-    """Returns a certificate that also says which known slip, such as another unit, makes the refuted number of a
-    question the derived one: the author is told what a learner with this number would be."""
+    """Returns a certificate that also names the known slip behind a refuted number, such as another unit. The number is
+    graded like an answer of a learner's whose key is the derived one."""
     is_number = isinstance(key, NumberKey) and not key.place and not is_drawn(question)
     if not is_number or certificate.verdict != "refuted" or certificate.answer is None:
         return certificate

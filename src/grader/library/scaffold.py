@@ -93,7 +93,13 @@ def add_to_quiz(root: Path, named: str, sample: Sample, title: str) -> list[Path
         begun = []
     if slash and choose_id(id_, document.get("questions", [])) != id_:
         raise Conflict(f"{quiz} has a question {id_!r} already: choose another id")
-    return list(dict.fromkeys((*begun, *add_sample(root, quiz, sample))))
+    try:
+        added = add_sample(root, quiz, sample)
+    except Conflict:
+        for file in begun:  # an empty quiz is of no use
+            file.unlink()
+        raise
+    return list(dict.fromkeys((*begun, *added)))
 
 
 def add_lab(root: Path, quiz: str, kind: str) -> list[Path]:
