@@ -21,7 +21,15 @@ from hypothesis import HealthCheck, is_hypothesis_test, settings
 
 from grader.logs import log_to_stderr
 
-MARKS = {"Jail": "jail", "chromium": "browser", "sync_playwright": "browser", "subprocess": "process"}
+MARKS = {
+    "Jail": "jail",
+    "open_pipeline": "jail",
+    "chromium": "browser",
+    "sync_playwright": "browser",
+    "subprocess": "process",
+    "process_of": "process",
+    "fork_command": "process",
+}
 """What a name in the code says about a test."""
 
 # A busy machine must not fail a property test: no limits of wall-clock time, for one example or for drawing them.

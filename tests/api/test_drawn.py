@@ -11,8 +11,8 @@ import pytest
 
 from grader.domain.verdict import Status
 from grader.grading.pipeline import Pipeline
-from grader.library import load
 from grader.settings import Settings
+from support.content import load_content
 from support.sites import ROOT, Site, open_site, write_content
 
 API = "/api/v1"
@@ -96,7 +96,7 @@ def test_another_system_hands_in_for_its_learner(site: Site) -> None:
 
 
 def test_a_stored_seed_repeats_the_numbers_whoever_reads_it_again() -> None:
-    first, other = (Pipeline(load(ROOT, QUIZ), secret=secret) for secret in (b"one", b"other"))
+    first, other = (Pipeline(load_content(QUIZ), secret=secret) for secret in (b"one", b"other"))
     parsed = first.read(QUIZ, SPEED, 1, learner="course/ann")
     again = other.read(QUIZ, SPEED, 1, parsed.seed)
     assert (again.question, again.seed) == (parsed.question, parsed.seed)

@@ -17,6 +17,7 @@ from mjgrader.checking import check_source
 from mjgrader.errors import NotRunning, Sentence
 from mjgrader.kits import Kit, find_kit, read_kit, unpack_kit
 from mjgrader.session import Session
+from support.content import load_content
 from support.sites import ROOT
 
 VALUES = ROOT / "tests/exercises/values"
@@ -24,7 +25,7 @@ VALUES = ROOT / "tests/exercises/values"
 
 @pytest.fixture(scope="module")
 def library() -> Library:
-    return load(ROOT)
+    return load_content()
 
 
 @pytest.fixture

@@ -13,10 +13,10 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
-from grader.library import load
 from grader.pack.kit import list_texts
 from grader.settings import Settings
 from support.bare_environments import list_needed, make_environment
+from support.content import load_content
 from support.sites import ROOT, Site, open_site
 from support.tokens import issue_token
 
@@ -178,7 +178,7 @@ def make_notebook(origin: str) -> Any:
         "import sys\nos.makedirs('alone')\nos.chdir('alone')\nsys.path.insert(0, '')\nsys.modules.pop('mjcourse')",
     ]
     alone: Any = nbformat.reads(  # type: ignore[no-untyped-call]
-        list_texts(load(ROOT), "1.3-exercises", "rk4-step", judged=True)["rk4-step.ipynb"], as_version=4
+        list_texts(load_content(), "1.3-exercises", "rk4-step", judged=True)["rk4-step.ipynb"], as_version=4
     )
     cells += [cell.source for cell in alone.cells if cell.cell_type == "code"]
     notebook: Any = nbformat.v4.new_notebook()  # type: ignore[no-untyped-call]

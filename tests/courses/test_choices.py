@@ -7,8 +7,8 @@ import pytest
 
 from grader.courses.reporting.class_answers import ClassAnswers, ClassAttempt, name_choices
 from grader.courses.rules.mistakes import Mistake, name_mistake
-from grader.library import load
 from grader.questions import Question
+from support.content import load_content
 
 ROOT = Path(__file__).parents[2]
 
@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def question() -> Question:
     """Returns a question with options, of which the second is right."""
-    return load(ROOT).question("1.3-check", "q1")
+    return load_content().question("1.3-check", "q1")
 
 
 def attempt(learner: str, mistake: Mistake | None, *options: int) -> ClassAttempt:

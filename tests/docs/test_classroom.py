@@ -16,9 +16,9 @@ import nbformat
 import pytest
 import yaml
 
-from grader.library import load
 from grader.pack import pack_gradescope
 from support import command_line
+from support.content import load_content
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
@@ -69,7 +69,7 @@ def test_the_workflow_names_only_what_there_is() -> None:
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the workflow has checked out: the student's repository, with the packed exercise."""
     folder = tmp_path_factory.mktemp("workspace")
-    pack_gradescope(load(ROOT), "1.3-exercises", "servo-threshold", folder / "exercise")
+    pack_gradescope(load_content(), "1.3-exercises", "servo-threshold", folder / "exercise")
     return folder
 
 

@@ -22,10 +22,10 @@ from grader.exercises.rehearsing import certify_exercise
 from grader.experiments.quantities import measure
 from grader.grading.pipeline import Pipeline
 from grader.grading.references import read_demand
-from grader.library import load
 from grader.questions import question_adapter
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
+from support.content import load_content
 from support.sites import ROOT
 
 QUIZ = "2.1-exercises"
@@ -36,7 +36,7 @@ CLAIMS = load_kinds()["claims"]
 
 @pytest.fixture(scope="module")
 def pipeline() -> Iterator[Pipeline]:
-    library = load(ROOT)
+    library = load_content()
     with Jail(library.root / "models", workers=2, allow_t2=True) as jail:
         yield Pipeline(library, jail.run)
 

@@ -19,6 +19,7 @@ from grader.grading.references import read_demand
 from grader.library import load
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
+from support.content import load_content
 from support.sites import ROOT
 
 pytestmark = [pytest.mark.jail, pytest.mark.slow]
@@ -33,7 +34,7 @@ LIMITS = Limits(cpu_s=4, wall_s=40)
 
 @pytest.fixture(scope="module")
 def pipeline() -> Iterator[Pipeline]:
-    library = load(ROOT, QUIZ)
+    library = load_content(QUIZ)
     with Jail(library.root / "models", workers=2, allow_t2=True) as jail:
 
         def run(job: Job) -> RunReport:

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from grader.grading.pipeline import Pipeline
-from grader.library import load
 from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
 from grader.sandbox.jail import Jail
+from support.content import load_content
 
 pytestmark = [pytest.mark.jail, pytest.mark.slow]
 
@@ -61,7 +61,7 @@ PROGRAMS = [program for program in sorted(CORPUS.glob("*/*.py")) if status_of(pr
 
 @pytest.fixture(scope="module")
 def pipeline() -> Iterator[Pipeline]:
-    library = load(ROOT)
+    library = load_content()
     with Jail(library.root / "models", allow_t2=True) as jail:
         yield Pipeline(library, jail.run)
 

@@ -11,9 +11,10 @@ import pytest
 from grader.exercises import load_kinds, plan_exercise
 from grader.exercises.film import FRAMES_MAX, Film, choose_rows
 from grader.grading.films import record_films
-from grader.library import Library, load
+from grader.library import Library
 from grader.numerics.drawing import place_geoms
 from grader.questions.kinds.script import ScriptQuestion
+from support.content import load_content
 
 ROOT = Path(__file__).parents[2]
 QUIZ = "1.3-exercises"
@@ -22,7 +23,7 @@ SEED = 7
 
 @pytest.fixture(scope="module")
 def library() -> Library:
-    return load(ROOT)
+    return load_content()
 
 
 def film(library: Library, question: str, evidence: Any, failed: tuple[str, ...] = ()) -> list[Film]:

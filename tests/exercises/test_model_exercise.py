@@ -27,6 +27,7 @@ from grader.sandbox.jail import Jail
 from grader.web.verdict.evidence import Geom
 from grader.web.verdict.plots import draw_figures
 from grader.web.verdict.scene_plot import draw_outlines
+from support.content import load_content
 
 pytestmark = pytest.mark.jail
 
@@ -37,7 +38,7 @@ REFERENCE = (ROOT / "quizzes/solutions/arm.xml").read_text()
 
 @pytest.fixture(scope="module")
 def library() -> Library:
-    return load(ROOT, QUIZ)
+    return load_content(QUIZ)
 
 
 @pytest.fixture(scope="module")

@@ -30,9 +30,9 @@ from grader.exercises.kinds.policy.parameters import PolicyParameters
 from grader.exercises.rehearsing import check_exercise
 from grader.grading.pipeline import Pipeline
 from grader.grading.references import read_demand
-from grader.library import load
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
+from support.content import load_content
 from support.sites import ROOT
 
 pytestmark = [pytest.mark.jail, pytest.mark.slow]
@@ -44,7 +44,7 @@ SEED = 7
 
 @pytest.fixture(scope="module")
 def pipeline() -> Iterator[Pipeline]:
-    library = load(ROOT)
+    library = load_content()
     with Jail(library.root / "models", workers=2) as jail:
         yield Pipeline(library, jail.run)
 

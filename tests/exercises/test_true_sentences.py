@@ -24,9 +24,9 @@ from grader.exercises.kinds.values.mutants.edits import make_edits
 from grader.exercises.running import diagnosing, runner
 from grader.exercises.running.diagnosing import gather_evidence
 from grader.grading.pipeline import Pipeline
-from grader.library import load
 from grader.numerics.stability.horizon import warns_within
 from grader.sandbox.jail import Jail
+from support.content import load_content
 
 ROOT = Path(__file__).parents[2]
 PROGRAMS = sorted(
@@ -70,7 +70,7 @@ def told() -> Iterator[Told]:
 
 @pytest.fixture(scope="module")
 def pipeline() -> Iterator[Pipeline]:
-    library = load(ROOT)
+    library = load_content()
     with Jail(library.root / "models", allow_t2=True) as jail:
 
         def run(job: Job) -> RunReport:

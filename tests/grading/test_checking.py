@@ -15,8 +15,9 @@ from grader.exercises.running.lazy import ODD
 from grader.grading.checking import ContentCheck, check_content
 from grader.grading.references import ReferenceProgram, read_demand
 from grader.grading.selection import Selection
-from grader.library import Library, PassedChecks, load
+from grader.library import Library, PassedChecks
 from grader.questions.kinds.script import ScriptQuestion
+from support.content import load_content
 
 ROOT = Path(__file__).parents[2]
 LESSON = Path(os.environ["GRADER_CONTENT"])
@@ -155,7 +156,7 @@ def find_lazy_faults(pipeline: Any, question: ScriptQuestion) -> list[Fault]:
 
 @pytest.fixture(scope="module")
 def lesson() -> Library:
-    return load(ROOT)
+    return load_content()
 
 
 @pytest.mark.parametrize(

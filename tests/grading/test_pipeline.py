@@ -13,12 +13,13 @@ from grader.errors import JailFault, NotFound, TooLarge, Unprocessable
 from grader.exercises import Plan, prepare_exercise
 from grader.grading import pipeline
 from grader.grading.pipeline import COMMAND_RETRIES, Pipeline, Retries, compute_digest, compute_seed, to_canonical_json
-from grader.library import Library, load
+from grader.library import Library
 from grader.numerics import scene
 from grader.numerics.version import INSTALLED
 from grader.questions import Question, grade_answer
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
+from support.content import load_content
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = {"source": "def largest_stable_timestep(model, integrator):\n    return None\n"}
@@ -26,7 +27,7 @@ SCRIPT = {"source": "def largest_stable_timestep(model, integrator):\n    return
 
 @pytest.fixture(scope="module")
 def library() -> Library:
-    return load(ROOT)
+    return load_content()
 
 
 class BrokenJail:

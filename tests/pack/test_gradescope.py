@@ -27,6 +27,7 @@ from grader.library import load
 from grader.pack import pack_gradescope
 from grader.pack.gradescope import wheels
 from grader.pack.wheel import constraints, write_wheel
+from support.content import load_content
 
 ROOT = Path(__file__).parents[2]
 SOLUTIONS = ROOT / "reference_solutions/1.3-exercises/servo-threshold"
@@ -42,7 +43,7 @@ Grade = Callable[..., tuple[int, str, Result]]
 
 
 def pack(out: Path, question: tuple[str, str] = EXERCISE, **options: Any) -> Path:
-    return pack_gradescope(load(ROOT), *question, out, **options)
+    return pack_gradescope(load_content(), *question, out, **options)
 
 
 @pytest.fixture(scope="module")
@@ -198,9 +199,9 @@ def test_the_package_holds_what_grading_needs_and_nothing_more(tmp_path: Path) -
     folder = pack(tmp_path / "packed")
     packed = load(folder / "content")
     assert {one.id: [q.id for q in one.questions] for one in packed.quizzes.values()} == {EXERCISE[0]: [EXERCISE[1]]}
-    assert packed.models == load(ROOT).models
+    assert packed.models == load_content().models
     [question] = packed.quiz(EXERCISE[0]).questions
-    whole = load(ROOT).question(*EXERCISE)
+    whole = load_content().question(*EXERCISE)
     assert (question.points, getattr(question, "check", None)) == (whole.points, getattr(whole, "check", 1))
     assert question.explain is None and whole.explain is not None
     names = [path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()]

@@ -12,8 +12,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from grader.library import load
 from grader.settings import default_content
+from support.content import load_content
 
 ROOT = Path(__file__).parents[2]
 
@@ -109,6 +109,6 @@ def served(installed: Path, outside: dict[str, str], tmp_path: Path) -> Iterator
 def test_the_service_serves_the_lesson_in_an_empty_folder(served: str, tmp_path: Path) -> None:
     page = httpx.get(served, timeout=60)
     assert page.status_code == 200
-    for quiz in load(ROOT).quizzes.values():
+    for quiz in load_content().quizzes.values():
         assert quiz.title in page.text
     assert (tmp_path / "data/grader.db").stat().st_mode & 0o777 == 0o600

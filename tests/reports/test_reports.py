@@ -3,7 +3,6 @@
 import json
 import math
 import re
-from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -16,8 +15,8 @@ from hypothesis import strategies as st
 from grader.domain.policy import Policy
 from grader.domain.verdict import Finding, Status, Verdict
 from grader.errors import JailFault
-from grader.library import Library, load
 from grader.reports import Graded, junit_xml, results_json
+from support.content import load_content
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = jsonschema_rs.validator_for(json.loads((Path(__file__).parent / "gradescope.schema.json").read_text()))
@@ -34,12 +33,6 @@ verdicts = st.builds(
     findings=st.lists(findings, max_size=4).map(tuple), diagnosis=st.none() | text, read_as=st.none() | text,
     stdout=text, stderr=text, timing_ms=st.dictionaries(st.just("total"), st.floats(0, 1e5)),
 )  # fmt: skip
-
-
-@cache
-def load_content() -> Library:
-    """The content of the repository."""
-    return load(ROOT)
 
 
 def graded(verdict: Verdict, seed: int | None = 7, **policy: Any) -> Graded:

@@ -101,7 +101,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
 def client_of(settings: Settings, user: str, role: str = "student") -> httpx.Client:
     token = issue_token(settings, user, role, None)
     return httpx.Client(
-        base_url=settings.origin, headers={"Authorization": f"Bearer {token}"}, timeout=30, verify=PLAIN
+        base_url=settings.origin, headers={"Authorization": f"Bearer {token}"}, timeout=START_S, verify=PLAIN
     )
 
 

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from grader.certify import Certificate
 from grader.certify.keys import certify_quizzes
-from grader.library import load
 from grader.web.verdict.key_plot import draw_key
+from support.content import load_content
 
 ROOT = Path(__file__).parents[2]
 
 
 def certificates(quiz: str) -> dict[str, dict[str, Any]]:
-    library = load(ROOT, quiz)
+    library = load_content(quiz)
     found = certify_quizzes(library, [quiz])
     return {one.question.id: one.certificate.to_json() for one in found if one.certificate is not None}
 
