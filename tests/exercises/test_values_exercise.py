@@ -427,9 +427,10 @@ def test_the_authors_program_makes_arguments_of_the_drawn_numbers_and_they_are_c
     for text, why in {
         "x = 1": "defines no function arguments",
         "def arguments(model, numbers, rng):\n    return 1 / 0": "ZeroDivisionError",
-        "def arguments(model, numbers, rng):\n    return 5": "must return a list of at most 20 arguments",
-        "def arguments(model, numbers, rng):\n    return [float('nan')]": "argument 1 must be a finite number",
-        "def arguments(model, numbers, rng):\n    return [1, 'word']": "argument 2 must be",
+        "def arguments(model, numbers, rng):\n    return 5": "must return a list, not int",
+        "def arguments(model, numbers, rng):\n    return [1] * 21": "at most 20",
+        "def arguments(model, numbers, rng):\n    return [float('nan')]": "made.py must be a finite number",
+        "def arguments(model, numbers, rng):\n    return [1, 'word']": "argument 2 of programs/made.py must be",
         "def arguments(model, numbers, rng):\n    return ['data']": "has no model",
         "def arguments(model, numbers, rng):\n    return [[0.0] * 10001]": "at most 10000",
     }.items():

@@ -60,12 +60,14 @@ Problem = TypeVar("Problem")
 @dataclass(frozen=True)
 class Content:
     """The question's `entry`, the models and files of the content folder, which a kind may read, and what the question
-    `takes`."""
+    `takes`. `is_fixed`: the numbers are drawn as whenever this content is loaded, so what is made of them is needed
+    again."""
 
     entry: str
     model_xml: ModelXml
     text_of: TextOf
     takes: Takes = "python"
+    is_fixed: bool = False
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,12 @@ from types import FrameType, MappingProxyType
 from typing import Any, TypeVar
 
 from grader.errors import GraderError
+from grader.exercises.driving.program_caller import NAME
 from grader.exercises.kind import TextOf
 from grader.exercises.parameters import WrongParameter
 
 Program = Mapping[str, Any]
 """The names that an author's program defines."""
-
-NAME = "program"
-"""The `__name__` of every author's program."""
 
 LINES_MAX = 10_000_000
 """Lines of a program that one call may run: about 2 s. They are counted, so that load changes no verdict."""

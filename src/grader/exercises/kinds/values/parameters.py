@@ -13,7 +13,7 @@ from grader.domain.numbers import NotNegative, Positive, Value, WholeRange, Whol
 from grader.exercises.kind import DrawnCase
 from grader.exercises.kinds.values.judging.driver import Rows, call_function, compile_model, start_data
 from grader.exercises.kinds.values.judging.problem import Call
-from grader.exercises.kinds.values.made_arguments import ARGUMENTS_MAX, run_arguments
+from grader.exercises.kinds.values.made_arguments import ARGUMENTS_MAX, make_arguments
 from grader.exercises.parameters import (
     CASES_MAX,
     ELEMENTS_MAX,
@@ -268,11 +268,10 @@ def uses_data(function: Function) -> bool:
 
 
 def draw_call(drawn: DrawnCase[ValuesCase]) -> Call:
-    """Draws the arguments and the start of one call. Raises ValueError where the author's program makes none."""
+    """Draws the arguments and the start of one call. Raises WrongInCase where the author's program makes none."""
     declared, rng = drawn.case.arguments, drawn.rng
     if isinstance(declared, ArgumentsProgram):
-        maker = declared.program, declared.function, drawn.content.text_of(declared.program)
-        arguments = run_arguments(maker, drawn.xml, tuple(drawn.numbers.items()), int(rng.integers(2**63)))
+        arguments = make_arguments(drawn, declared.program, declared.function)
     else:
         arguments = tuple(draw_argument(argument, rng) for argument in declared)
     return Call(arguments, drawn.case.start.draw(rng))
