@@ -171,6 +171,16 @@ class JudgeRaises(Double):
         return Judgement(bool(results["z"]), "", None)
 
 
+class DrawsNoChart(Double):
+    def build_pictures(self, parameters: ExerciseParameters, visible: Any) -> dict[str, Any]:
+        return {"charts": [{"case": "a", "series": [{"x": [1], "y": "high"}]}], "own": 1, "tables": []}
+
+
+class DrawsNothing(Double):
+    def build_pictures(self, parameters: ExerciseParameters, visible: Any) -> dict[str, Any]:
+        return []  # type: ignore[return-value]
+
+
 Key = Literal["w.check", "w.check.cases.0", "w.check.luck", "correct"]
 
 FAILS: dict[type[Double], tuple[Key, str]] = {
@@ -185,6 +195,8 @@ FAILS: dict[type[Double], tuple[Key, str]] = {
     AcceptsNoList: ("w.check", "list_accepted must return a list of lists of intervals, such as [[(0.9, 1.1)"),
     AcceptRaises: ("w.check", "the kind fails: ZeroDivisionError: division by zero (test_broken_kinds.py, line "),
     JudgesNone: ("correct", "graded grader_fault (TypeError: judge must return a Judgement, not None)"),
+    DrawsNoChart: ("correct", "the kind builds pictures that no page can draw: charts.0.series.0.y: must be "),
+    DrawsNothing: ("correct", "the kind builds pictures that no page can draw: must be an object, not list; mend"),
     JudgeRaises: ("correct", "graded grader_fault (KeyError: 'z' (test_broken_kinds.py, line "),
 }
 

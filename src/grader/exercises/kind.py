@@ -306,7 +306,8 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         `motions` is such a list as well. `tables` is a list of {"case", "title", "head": [texts], "rows": [[texts]]}.
         `film` is {"title", "about"} for the box of the films, with what `record_films` needs to repeat the learner's
         own runs, under names of your own. Students see `motions` and `film`, which show no more than what the learner's
-        own answer did, with the feedback; `charts`, `tables` and keys of your own with the solution."""
+        own answer did, with the feedback; `charts`, `tables` and keys of your own with the solution. What has another
+        shape is left out, and `grader check` reports it."""
         return {}
 
     def record_films(

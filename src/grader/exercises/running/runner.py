@@ -21,6 +21,7 @@ from grader.exercises.judgement import list_counting
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.running.authored import find_authored_sentence
 from grader.exercises.running.diagnosing import describe_success, diagnose
+from grader.exercises.running.evidence import build_evidence
 from grader.exercises.running.measuring import Run, limit_cpu
 from grader.exercises.running.planning import Plan, load_kinds
 from grader.exercises.running.trials import judge_trials
@@ -93,7 +94,7 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
         diagnosis=mistake.sentence if mistake else None,
         line=mistake.line if mistake else None,
         direction=direction,
-        evidence=kind.build_pictures(plan.parameters, [one for one in whole if not one.trial.hidden]),
+        evidence=build_evidence(kind, plan.parameters, [one for one in whole if not one.trial.hidden]),
     )
     review = next((one.judgement.review for one in judged if one.judgement.review), "")
     if review and verdict.status is not Status.INCORRECT:
