@@ -184,7 +184,8 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     imported. It defines `trial(functions, inputs, submit)`: call the student's functions and submit named arrays of
     finite numbers. It may define `before_import()`, called before the student's module is imported, and finds
     `load_model(xml)` among its names, which returns a new model of an MJCF text. What it raises in a trial counts
-    as raised by the student, and so does a result that is not finite. It finds `note(name, info, numbers)` among
+    as raised by the student, and so does a result that is not finite; unless it raises as well for a script whose
+    functions only raise, which is a fault of the kind. It finds `note(name, info, numbers)` among
     its names, which adds to the trial's trace; see grader.exercises.driving.recorder."""
 
     parameters: type[P]
