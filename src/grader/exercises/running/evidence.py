@@ -23,8 +23,6 @@ def build_evidence(kind: AnyKind, parameters: ExerciseParameters, visible: Seque
     wrong = dict(find_wrong_pictures(evidence))
     if not wrong:
         return evidence
-    log.error(
-        "a kind of exercise builds pictures that no page can draw", kind=type(kind).__module__, why=[*wrong.values()]
-    )
+    log.error("a kind builds pictures that no page can draw", kind=type(kind).__module__, why=[*wrong.values()])
     whole = {} if "" in wrong else {key: value for key, value in evidence.items() if key not in wrong}
     return {**whole, FAULTS: [*wrong.values()]}
