@@ -20,12 +20,16 @@ LINES_MAX = 10_000_000
 T = TypeVar("T")
 
 
-class TooManyLines(BaseException):
+class End(BaseException):
     """Ends a program that runs too long: no `except Exception` catches it."""
 
 
+class TooManyLines(ValueError):
+    """An author's program that runs too long."""
+
+
 def limit_lines(function: Callable[[], T], lines_max: int = LINES_MAX) -> T:
-    """Returns what a function returns. Raises ValueError where authors' programs run more lines in it."""
+    """Returns what a function returns. Raises TooManyLines where authors' programs run more lines in it."""
     left = lines_max
 
     def follow(frame: FrameType, event: str, _: object) -> Any:
@@ -34,15 +38,15 @@ def limit_lines(function: Callable[[], T], lines_max: int = LINES_MAX) -> T:
             return None
         left -= event == "line"
         if left < 0:
-            raise TooManyLines
+            raise End
         return follow
 
     before = sys.gettrace()
     sys.settrace(follow)
     try:
         return function()
-    except TooManyLines:
-        raise ValueError(f"it runs more than {lines_max:,} lines: bound its loops") from None
+    except End:
+        raise TooManyLines(f"it runs more than {lines_max:,} lines: bound its loops") from None
     finally:
         sys.settrace(before)
 
