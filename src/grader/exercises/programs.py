@@ -1,4 +1,5 @@
-"""Runs the programs of authors in the grader's own process: their texts are trusted, as the content folder is."""
+"""Runs the programs of authors in the grader's own process: their texts are trusted, as the content folder is. Those
+that make arguments run in the jail (`running/program_calls.py`)."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -29,7 +30,8 @@ class TooManyLines(ValueError):
 
 
 def limit_lines(function: Callable[[], T], lines_max: int = LINES_MAX) -> T:
-    """Returns what a function returns. Raises TooManyLines where authors' programs run more lines in it."""
+    """Returns what a function returns. Raises TooManyLines where authors' programs run more lines in it. Python 3.11
+    counts no lines in `while True: pass` on one line, later versions do."""
     left = lines_max
 
     def follow(frame: FrameType, event: str, _: object) -> Any:
