@@ -1,7 +1,7 @@
 """A kind of exercise that is not whole is refused with what it lacks; one that fails is named with its line."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Literal
@@ -171,6 +171,28 @@ class JudgeRaises(Double):
         return Judgement(bool(results["z"]), "", None)
 
 
+class DrawsNoChart(Double):
+    def build_pictures(self, parameters: ExerciseParameters, visible: Any) -> dict[str, Any]:
+        return {"charts": [{"case": "a", "series": [{"x": [1], "y": "high"}]}], "own": 1, "tables": []}
+
+
+class DrawsNothing(Double):
+    def build_pictures(self, parameters: ExerciseParameters, visible: Any) -> dict[str, Any]:
+        return []  # type: ignore[return-value]
+
+
+class DriverRaises(Double):
+    driver = DRIVER.replace('inputs["x"]', 'inputs["gone"]')
+
+
+class DriverRaisesWhenHidden(Double):
+    driver = DRIVER.replace("    submit(", "    if hidden: raise LookupError\n    submit(")
+
+
+class DriverRaisesAtOnce(Double):
+    driver = f"{DRIVER}\nhalf = 1 / 0\n"
+
+
 Key = Literal["w.check", "w.check.cases.0", "w.check.luck", "correct"]
 
 FAILS: dict[type[Double], tuple[Key, str]] = {
@@ -185,11 +207,28 @@ FAILS: dict[type[Double], tuple[Key, str]] = {
     AcceptsNoList: ("w.check", "list_accepted must return a list of lists of intervals, such as [[(0.9, 1.1)"),
     AcceptRaises: ("w.check", "the kind fails: ZeroDivisionError: division by zero (test_broken_kinds.py, line "),
     JudgesNone: ("correct", "graded grader_fault (TypeError: judge must return a Judgement, not None)"),
+    DriverRaises: (
+        "correct",
+        "the driver of the exercise kind 'double' raises KeyError: 'gone' (trial, line 5 of the driver)",
+    ),
+    DriverRaisesWhenHidden: ("correct", "raises LookupError (trial, line 5 of the driver)"),
+    DriverRaisesAtOnce: ("correct", "the driver of the exercise kind 'double' raises ZeroDivisionError: division by"),
+    DrawsNoChart: ("correct", "the kind builds pictures that no page can draw: charts.0.series.0.y: must be "),
+    DrawsNothing: ("correct", "the kind builds pictures that no page can draw: must be an object, not list; mend"),
     JudgeRaises: ("correct", "graded grader_fault (KeyError: 'z' (test_broken_kinds.py, line "),
 }
 
 
-def check(folder: Path, monkeypatch: pytest.MonkeyPatch, kind: type[Double], **changes: Any) -> list[dict[str, str]]:
+RIGHT = {"correct__sum": "def w(x):\n    return x + x\n"}
+
+
+def check(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    kind: type[Double],
+    scripts: Mapping[str, str] = RIGHT,
+    **changes: Any,
+) -> list[dict[str, str]]:
     """The faults of an exercise of a kind, as if it were installed."""
     kinds = {**planning.load_kinds(), "double": kind()}
     for module in ("planning", "runner", "authored", "lazy"):
@@ -204,7 +243,8 @@ def check(folder: Path, monkeypatch: pytest.MonkeyPatch, kind: type[Double], **c
     (folder / "quizzes/q.json").write_text(json.dumps({"id": "q", "title": "Q", "questions": [question]}))
     programs = folder / "reference_solutions/q/w"
     programs.mkdir(parents=True)
-    (programs / "correct__sum.py").write_text("def w(x):\n    return x + x\n")
+    for name, text in scripts.items():
+        (programs / f"{name}.py").write_text(text)
     done = grader("check", str(folder), "--again", "--json")
     faults: list[dict[str, str]] = json.loads(done.stdout)["faults"]
     return faults
@@ -221,6 +261,40 @@ def test_a_kind_that_fails_is_named_with_its_line(
     told = [fault["why"] for fault in faults if fault["key"] == key]
     assert any(why in one for one in told), faults
     assert not any("name the file grader_fault" in one for one in told)
+
+
+class Catches(Double):
+    driver = """
+import numpy as np
+
+def trial(functions, inputs, submit):
+    try:
+        y = functions[0](inputs["x"])
+    except Exception:
+        raise RuntimeError("it does not work")
+    submit("y", np.asarray(y, dtype=float))
+"""
+
+
+THEIRS = {
+    **RIGHT,
+    "crashed__returns_a_text": "def w(x):\n    return 'two'\n",
+    "crashed__breaks_what_the_driver_uses": "import numpy\nnumpy.asarray = None\ndef w(x):\n    return 2 * x\n",
+    "crashed__raises": "def w(x):\n    return 1 / 0\n",
+    "crashed__ends": "import os\nos._exit(1)\n",
+    "crashed__has_another_name": "def v(x):\n    return 2 * x\n",
+    "crashed__breaks_the_harness": "import sys\nsys._getframe(1).f_globals.clear()\n\n\ndef w(x):\n    return 2 * x\n",
+}
+"""Scripts that make a driver raise, or seem to."""
+
+
+@pytest.mark.slow
+@pytest.mark.process
+@pytest.mark.parametrize("kind", [Double, Catches])
+def test_what_a_script_makes_a_driver_raise_is_the_scripts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: type[Double]
+) -> None:
+    assert check(tmp_path, monkeypatch, kind, THEIRS) == []
 
 
 @pytest.mark.slow

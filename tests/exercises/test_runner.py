@@ -330,19 +330,39 @@ def test_trials_are_hidden_with_their_case_and_share_its_points(monkeypatch: pyt
 class Arrays(Echo):
     """Forgets that evidence is plain JSON."""
 
+    def __init__(self, key: str) -> None:
+        self.key = key
+
     def build_pictures(
         self, parameters: ExerciseParameters, visible: Sequence[JudgedTrial[float, float]]
     ) -> dict[str, Any]:
-        return {"charts": np.zeros(2)}
+        return {self.key: np.zeros(2), "left": 1}
 
 
-def test_evidence_that_is_no_json_is_refused_before_it_is_saved(monkeypatch: pytest.MonkeyPatch) -> None:
-    install_kinds(monkeypatch, arrays=Arrays())
+def judge_arrays(monkeypatch: pytest.MonkeyPatch, key: str) -> Verdict:
+    install_kinds(monkeypatch, arrays=Arrays(key))
     raw = {"kind": "code", "id": "e", "q": "?", "entry": "f", "check": {"kind": "arrays", "cases": [{"id": "a"}]}}
     exercise = ScriptQuestion.model_validate(raw)
     plan = plan_exercise(exercise, model_xml, 1)
-    with pytest.raises(ValueError, match=r"evidence\.charts"):
-        judge_exercise(exercise, plan, RunReport(RunStatus.RETURNED, results={"t0_said": np.zeros(1)}))
+    return judge_exercise(exercise, plan, RunReport(RunStatus.RETURNED, results={"t0_said": np.zeros(1)}))
+
+
+def test_evidence_that_is_no_json_is_refused_before_it_is_saved(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ValueError, match=r"evidence\.own"):
+        judge_arrays(monkeypatch, "own")
+
+
+@pytest.mark.parametrize("key", ["charts", "motions", "tables", "film"])
+def test_pictures_that_no_page_can_draw_cost_the_learner_nothing_else(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], key: str
+) -> None:
+    verdict = judge_arrays(monkeypatch, key)
+    assert (verdict.status, verdict.points) == (Status.CORRECT, 1.0)
+    assert verdict.evidence["left"] == 1
+    assert key not in verdict.evidence
+    (fault,) = verdict.evidence["faults"]
+    assert fault.startswith(f"{key}: must be ")
+    assert "a kind builds pictures that no page can draw" in capfd.readouterr().err
 
 
 def test_points_are_scaled_and_the_explanation_comes_with_all_of_them(echo: Callable[..., Verdict]) -> None:

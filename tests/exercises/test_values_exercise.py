@@ -18,7 +18,7 @@ from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import ContentError
 from grader.exercises import judge_exercise, plan_exercise
-from grader.exercises.kinds.values import rehearsal
+from grader.exercises.kinds.values import parameters, rehearsal
 from grader.exercises.kinds.values.parameters import Problem
 from grader.exercises.programs import limit_lines
 from grader.library import Library, load
@@ -148,6 +148,27 @@ def test_a_program_that_does_not_end_is_a_fault(tmp_path: Path, monkeypatch: pyt
         load(folder(tmp_path, NEVER_ENDS))
     assert sys.gettrace() is before
     assert limit_lines(lambda: sum(1 for _ in range(2_000)), 1_000) == 2_000, "lines of others do not count"
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ("    while s > 0:\n        s += 1\n", "missed does not end for them in time."),
+        ("    assert s < 0\n", "missed cannot be computed for them."),
+        ("    return float('nan') if s > 0 else 0.0\n", "missed cannot be computed for them."),
+    ],
+)
+def test_a_residual_that_cannot_be_computed_for_results_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, body: str, told: str
+) -> None:
+    monkeypatch.setattr(parameters, "limit_lines", partial(limit_lines, lines_max=1_000))
+    functions = [{"results": [{"name": "s", "atol": 1}, {"name": "p"}], "residual": {"function": "missed", "atol": 1}}]
+    program = f"{PROGRAM}\n\ndef missed(a, b, s, p):\n{body}    return 0.0\n"
+    library = load(folder(tmp_path, program, functions=functions, luck=1))
+    verdict = judged(library, *right(library))
+    assert verdict.findings[0].message.startswith("Your results do not satisfy the exercise's own equation: ")
+    assert told in verdict.findings[0].message
+    assert "shape" not in verdict.model_dump_json()
 
 
 def test_of_hidden_calls_no_number_is_told(library: Library) -> None:
@@ -427,9 +448,10 @@ def test_the_authors_program_makes_arguments_of_the_drawn_numbers_and_they_are_c
     for text, why in {
         "x = 1": "defines no function arguments",
         "def arguments(model, numbers, rng):\n    return 1 / 0": "ZeroDivisionError",
-        "def arguments(model, numbers, rng):\n    return 5": "must return a list of at most 20 arguments",
-        "def arguments(model, numbers, rng):\n    return [float('nan')]": "argument 1 must be a finite number",
-        "def arguments(model, numbers, rng):\n    return [1, 'word']": "argument 2 must be",
+        "def arguments(model, numbers, rng):\n    return 5": "must return a list, not int",
+        "def arguments(model, numbers, rng):\n    return [1] * 21": "at most 20",
+        "def arguments(model, numbers, rng):\n    return [float('nan')]": "made.py must be a finite number",
+        "def arguments(model, numbers, rng):\n    return [1, 'word']": "argument 2 of programs/made.py must be",
         "def arguments(model, numbers, rng):\n    return ['data']": "has no model",
         "def arguments(model, numbers, rng):\n    return [[0.0] * 10001]": "at most 10000",
     }.items():

@@ -40,7 +40,9 @@ class BrokenJail:
         self.calls += 1
         if self.calls <= self.times:
             raise JailFault("broken")
-        return RunReport(RunStatus.CRASHED, "ZeroDivisionError: division by zero", stdout="hello\n")
+        return RunReport(
+            RunStatus.CRASHED, "ZeroDivisionError: division by zero, in line 1 of your script", stdout="hello\n"
+        )
 
 
 def test_a_jail_that_stays_broken_is_a_grader_fault(library: Library) -> None:
@@ -80,7 +82,7 @@ def test_a_crash_of_our_own_code_is_a_grader_fault(library: Library) -> None:
 @pytest.mark.parametrize(
     ("report", "status"),
     [
-        (RunReport(RunStatus.CRASHED, "NameError"), Status.CRASHED),
+        (RunReport(RunStatus.CRASHED, "NameError, in line 1 of your script"), Status.CRASHED),
         (RunReport(RunStatus.TIMED_OUT, "too slow"), Status.TIMED_OUT),
         (RunReport(RunStatus.RETURNED), Status.GRADER_FAULT),
     ],
@@ -136,11 +138,11 @@ def test_the_jail_compiles_hidden_models_where_that_fails_here(
 
     def run(job: Job) -> RunReport:
         assert job.late_inputs() == {}
-        return RunReport(RunStatus.CRASHED, "it crashed")
+        return RunReport(RunStatus.CRASHED, "it crashed, in line 1 of your script")
 
     monkeypatch.setattr(exercises, "save_hidden_models", save)
     verdict = Pipeline(library, run).grade("1.3-exercises", "servo-threshold", SCRIPT)
-    assert (verdict.status, verdict.diagnosis) == (Status.CRASHED, "it crashed")
+    assert (verdict.status, verdict.diagnosis) == (Status.CRASHED, "it crashed, in line 1 of your script")
 
 
 def compiled() -> int:

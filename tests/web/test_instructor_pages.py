@@ -19,6 +19,7 @@ from grader.courses.people.identity import COOKIE, Role
 from grader.courses.people.invitations import invite_member
 from grader.courses.people.sign_in import create_sign_in_code, redeem_sign_in_code
 from grader.courses.rules.statistics import Estimate, QuestionStatistics
+from grader.exercises import load_kinds
 from grader.library import load
 from grader.questions.kinds.number import NumberQuestion
 from grader.settings import Settings
@@ -493,6 +494,21 @@ def test_the_chance_of_luck_is_computed_once_when_it_is_asked_for(monkeypatch: p
     assert "passes every time; at most one in 1\u202f000\u202f000 is allowed" in first["rk4-step"]["why"]
     assert "Draw more numbers" in first["rk4-step"]["remarks"][0]
     assert "with a chance of at most one in 100\u202f000\u202f000;" in first["servo-threshold"]["why"]
+
+
+def test_a_kind_that_cannot_tell_the_chance_of_luck_leaves_the_page_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("no width")
+
+    monkeypatch.setattr(type(load_kinds()["threshold"]), "list_accepted", fail)
+    monkeypatch.setattr(certificates, "lucks", certificates.Lucks())
+    rows = certificates.list_certificates(load(Settings().content), with_luck=True)
+    (row,) = (row for row in rows if row["question"] == "servo-threshold")
+    assert row["state"] == "cannot be computed"
+    assert row["why"].startswith("the kind fails: ZeroDivisionError: no width")
+    assert "Answers are graded all the same" in row["remarks"][0]
+    assert len(rows) > 5
+    assert sum(one["state"] == "cannot be computed" for one in rows) == 1
 
 
 def test_certificates_say_what_was_simulated_what_came_out_and_how_far_from_the_key() -> None:

@@ -37,6 +37,7 @@ from grader.exercises.running.planning import (
     prepare_exercise,
     save_hidden_models,
 )
+from grader.exercises.running.program_calls import use_jail
 from grader.exercises.running.progress import Progress, Tell
 from grader.exercises.running.runner import judge_exercise
 from grader.exercises.visible import describe_exercise, list_visible_models
@@ -99,6 +100,7 @@ __all__ = [
     "plan_exercise",
     "prepare_exercise",
     "save_hidden_models",
+    "use_jail",
     "write_lazy_answers",
     "write_wrong_scripts",
 ]  # fmt: skip

@@ -60,12 +60,14 @@ Problem = TypeVar("Problem")
 @dataclass(frozen=True)
 class Content:
     """The question's `entry`, the models and files of the content folder, which a kind may read, and what the question
-    `takes`."""
+    `takes`. `is_fixed`: the numbers are drawn as whenever this content is loaded, so what is made of them is needed
+    again."""
 
     entry: str
     model_xml: ModelXml
     text_of: TextOf
     takes: Takes = "python"
+    is_fixed: bool = False
 
 
 @dataclass(frozen=True)
@@ -182,7 +184,8 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     imported. It defines `trial(functions, inputs, submit)`: call the student's functions and submit named arrays of
     finite numbers. It may define `before_import()`, called before the student's module is imported, and finds
     `load_model(xml)` among its names, which returns a new model of an MJCF text. What it raises in a trial counts
-    as raised by the student, and so does a result that is not finite. It finds `note(name, info, numbers)` among
+    as raised by the student, and so does a result that is not finite; unless it raises as well for a script whose
+    functions only raise, which is a fault of the kind. It finds `note(name, info, numbers)` among
     its names, which adds to the trial's trace; see grader.exercises.driving.recorder."""
 
     parameters: type[P]
@@ -304,7 +307,8 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
         `motions` is such a list as well. `tables` is a list of {"case", "title", "head": [texts], "rows": [[texts]]}.
         `film` is {"title", "about"} for the box of the films, with what `record_films` needs to repeat the learner's
         own runs, under names of your own. Students see `motions` and `film`, which show no more than what the learner's
-        own answer did, with the feedback; `charts`, `tables` and keys of your own with the solution."""
+        own answer did, with the feedback; `charts`, `tables` and keys of your own with the solution. What has another
+        shape is left out, and `grader check` reports it."""
         return {}
 
     def record_films(

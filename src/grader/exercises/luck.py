@@ -10,8 +10,10 @@ from operator import mul
 import numpy as np
 from numpy.typing import NDArray
 
+from grader.domain.plugins import describe_error
+from grader.errors import GraderError, PluginError
 from grader.exercises.kind import Content, Intervals, TextOf
-from grader.exercises.parameters import Case, ExerciseParameters
+from grader.exercises.parameters import Case, ExerciseParameters, WrongInCase
 from grader.exercises.running.planning import (
     AnyKind,
     AnyTrial,
@@ -47,15 +49,21 @@ def compute_chance_of_luck(
 ) -> tuple[float, float]:
     """Returns a bound of the chance that the best fixed answer is right in every case, and the largest chance allowed.
     Cases are drawn independently of each other, so their chances multiply. A case that cannot be judged by intervals,
-    or draws nothing, counts as 1. The cases after the product is small enough are not drawn."""
+    or draws nothing, counts as 1. The cases after the product is small enough are not drawn. Raises PluginError where
+    the kind fails, WrongInCase for a draw that cannot be posed, and JailFault."""
     assert isinstance(question, ScriptQuestion)
     kind = load_kinds()[question.check.kind]
     parameters = read_parameters(kind, question)
     content = Content(question.entry, model_xml, text_of)
     chance = 1.0
-    for index, case in enumerate(parameters.cases):
-        if chance > parameters.luck:
-            chance *= compute_chance_of_case(kind, parameters, case, content, index)
+    try:
+        for index, case in enumerate(parameters.cases):
+            if chance > parameters.luck:
+                chance *= compute_chance_of_case(kind, parameters, case, content, index)
+    except (WrongInCase, GraderError):
+        raise
+    except Exception as error:  # code of another package: anything may be raised
+        raise PluginError(f"the kind fails: {describe_error(error, type(kind).__module__)}") from error
     return chance, parameters.luck
 
 

@@ -113,6 +113,14 @@ class WrongParameter(ValueError):
         self.key = key
 
 
+class WrongInCase(ValueError):
+    """A key of a case that cannot work, such as `arguments`."""
+
+    def __init__(self, key: str, why: str) -> None:
+        super().__init__(why)
+        self.key_in_case = key
+
+
 AnyCase = TypeVar("AnyCase", bound=Case)
 
 

@@ -1,4 +1,5 @@
-"""Runs the programs of authors in the grader's own process: their texts are trusted, as the content folder is."""
+"""Runs the programs of authors in the grader's own process: their texts are trusted, as the content folder is. Those
+that make arguments run in the jail (`running/program_calls.py`)."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -7,14 +8,12 @@ from types import FrameType, MappingProxyType
 from typing import Any, TypeVar
 
 from grader.errors import GraderError
+from grader.exercises.driving.program_caller import NAME
 from grader.exercises.kind import TextOf
 from grader.exercises.parameters import WrongParameter
 
 Program = Mapping[str, Any]
 """The names that an author's program defines."""
-
-NAME = "program"
-"""The `__name__` of every author's program."""
 
 LINES_MAX = 10_000_000
 """Lines of a program that one call may run: about 2 s. They are counted, so that load changes no verdict."""
@@ -22,12 +21,17 @@ LINES_MAX = 10_000_000
 T = TypeVar("T")
 
 
-class TooManyLines(BaseException):
+class End(BaseException):
     """Ends a program that runs too long: no `except Exception` catches it."""
 
 
+class TooManyLines(ValueError):
+    """An author's program that runs too long."""
+
+
 def limit_lines(function: Callable[[], T], lines_max: int = LINES_MAX) -> T:
-    """Returns what a function returns. Raises ValueError where authors' programs run more lines in it."""
+    """Returns what a function returns. Raises TooManyLines where authors' programs run more lines in it. Python 3.11
+    counts no lines in `while True: pass` on one line, later versions do."""
     left = lines_max
 
     def follow(frame: FrameType, event: str, _: object) -> Any:
@@ -36,15 +40,15 @@ def limit_lines(function: Callable[[], T], lines_max: int = LINES_MAX) -> T:
             return None
         left -= event == "line"
         if left < 0:
-            raise TooManyLines
+            raise End
         return follow
 
     before = sys.gettrace()
     sys.settrace(follow)
     try:
         return function()
-    except TooManyLines:
-        raise ValueError(f"it runs more than {lines_max:,} lines: bound its loops") from None
+    except End:
+        raise TooManyLines(f"it runs more than {lines_max:,} lines: bound its loops") from None
     finally:
         sys.settrace(before)
 

@@ -11,8 +11,9 @@ from grader.domain.misread import misread
 from grader.domain.plugins import describe_error
 from grader.errors import Fault, GraderError
 from grader.exercises.kind import Content, TextOf
-from grader.exercises.parameters import Case, ExerciseParameters, list_ends, list_keys
+from grader.exercises.parameters import Case, ExerciseParameters, WrongInCase, list_ends, list_keys
 from grader.exercises.running.planning import (
+    SEED,
     AnyKind,
     AnyTrial,
     build_case_trials,
@@ -44,7 +45,8 @@ def check_exercise(question: Question, model_xml: ModelXml, where: str, text_of:
     except ValidationError as error:
         found = explain_misread_parameters(kind, question, error)
     else:
-        found = find_wrong_parameters(kind, parameters, Content(question.entry, model_xml, text_of, question.takes))
+        content = Content(question.entry, model_xml, text_of, question.takes, is_fixed=True)
+        found = find_wrong_parameters(kind, parameters, content)
     return [Fault(where, ".".join(filter(None, (question.id, "check", key))), why) for key, why in dict.fromkeys(found)]
 
 
@@ -53,13 +55,13 @@ def certify_exercise(
 ) -> list[Fault]:
     """Returns a fault for each case of an exercise without faults of which the kind is not certain."""
     kind = load_kinds()[question.check.kind]
-    parameters, content = read_parameters(kind, question), Content(question.entry, model_xml, text_of)
+    parameters, content = read_parameters(kind, question), Content(question.entry, model_xml, text_of, is_fixed=True)
     faults = []
     for index, case in enumerate(parameters.cases):
         try:
             rehearse_case(kind, parameters, content, index, kind.certify)
         except Exception as error:  # code of another package: anything may be raised
-            key = f"{question.id}.check.{getattr(error, 'key', f'cases.{index}')}"
+            key = f"{question.id}.check.{find_key(error, f'cases.{index}')}"
             faults.append(Fault(where, key, f"case {case.id}: {explain_refusal(kind, error)}"))
     return faults
 
@@ -89,7 +91,7 @@ def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content
         try:
             trials.extend(rehearse_case(kind, parameters, content, index, kind.rehearse))
         except Exception as error:  # code of another package: anything may be raised
-            yield getattr(error, "key", key), explain_refusal(kind, error)
+            yield find_key(error, key), explain_refusal(kind, error)
     ids_of_trials = [trial.id for trial in trials] if len({*ids}) == len(ids) else []  # else the case is the fault
     if repeated := next((one for one in ids_of_trials if ids_of_trials.count(one) > 1), None):
         yield "", f"the kind makes several trials with the id {repeated!r}: its build_trials must name each by its case"
@@ -99,6 +101,11 @@ def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content
                 kind.rehearse(parameters, trial)
         except Exception as error:  # code of another package: anything may be raised
             yield getattr(error, "key", ""), explain_refusal(kind, error)
+
+
+def find_key(error: Exception, case: str) -> str:
+    """Returns the key of what an error is about, below `check`; `case` is that of the case."""
+    return f"{case}.{error.key_in_case}" if isinstance(error, WrongInCase) else str(getattr(error, "key", case))
 
 
 def explain_refusal(kind: AnyKind, error: Exception) -> str:
@@ -144,7 +151,7 @@ def rehearse_case(
     ends = [end for end in list_ends(case) if end != case]
     trials: Sequence[AnyTrial] = ()
     for one in (*ends, case):
-        trials = build_case_trials(kind, parameters, one, content, [0, index])
+        trials = build_case_trials(kind, parameters, one, content, [SEED, index])
         for trial in trials:
             check_inputs(trial)
             rehearse(parameters, trial)

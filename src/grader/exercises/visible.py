@@ -5,13 +5,9 @@ from typing import Any
 
 from grader.exercises.findings import build_titles
 from grader.exercises.kind import TextOf
-from grader.exercises.running.planning import load_kinds, plan_exercise, read_parameters, refuse_text
+from grader.exercises.running.planning import SEED, load_kinds, plan_exercise, read_parameters, refuse_text
 from grader.questions import ModelXml
 from grader.questions.kinds.script import ScriptQuestion
-
-SEED = 0
-"""Draws the numbers of visible cases that have ranges, and of forces. A submission has a seed of its own, so these are
-another draw; loading content rehearses with this one, so what is solved for it is cached."""
 
 
 def describe_exercise(

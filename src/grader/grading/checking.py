@@ -11,11 +11,10 @@ from threading import Lock
 
 from grader.certify.keys import Certified, bound_luck, build_fault, certify_quizzes, propose_for_key
 from grader.certify.remarks import UNVERIFIED, is_decidable
-from grader.domain.plugins import describe_error
 from grader.domain.verdict import Status
-from grader.errors import ContentError, Fault, NotFound
+from grader.errors import ContentError, Fault, GraderError, NotFound
 from grader.exercises import STARTER, TextOf, certify_exercise, plan_exercise, write_lazy_answers, write_wrong_scripts
-from grader.grading.pipeline import Pipeline, name_module
+from grader.grading.pipeline import Pipeline
 from grader.grading.references import ReferenceOutcome, ReferenceProgram, find_references, grade_one, list_mismatches
 from grader.grading.report import Report
 from grader.grading.selection import EVERYTHING, Selection
@@ -172,9 +171,8 @@ class ContentCheck:
         self.doing(f"drawing the cases of {quiz_id} {question.id} 200 times")
         try:
             luck = bound_luck(self.library, question, self.passed)
-        except Exception as error:  # code of another package: anything may be raised
-            why = f"the kind fails: {describe_error(error, name_module(question))}"
-            self.report.faults.append(Fault(self.library.file(quiz_id), f"{question.id}.check", why))
+        except (GraderError, ValueError) as error:
+            self.report.faults.append(Fault(self.library.file(quiz_id), f"{question.id}.check", str(error)))
             return
         chance = f"a fixed answer passes with a chance of at most {luck.chance:.1e}; {luck.allowed:g} is allowed"
         self.say(f"{quiz_id} {question.id}: {chance}")

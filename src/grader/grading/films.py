@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from grader.exercises import Film, load_kinds, plan_exercise
+from grader.exercises import Film, Kind, load_kinds, plan_exercise
 from grader.library import Library
 from grader.questions.kinds.script import ScriptQuestion
 
@@ -17,8 +17,10 @@ def record_films(
     exercise = library.question(*at)
     if not isinstance(exercise, ScriptQuestion) or not verdict.get("evidence"):
         return []
+    kind = load_kinds()[exercise.check.kind]
+    if type(kind).record_films is Kind.record_films:  # nothing is drawn for it in the process of the pages
+        return []
     plan = plan_exercise(exercise, library.model_xml, seed, library.text)
     failed = {one["id"] for one in verdict.get("findings") or () if not one["passed"]}
     visible = [trial for trial in plan.trials if not trial.hidden]
-    kind = load_kinds()[exercise.check.kind]
     return [*kind.record_films(plan.parameters, visible, verdict["evidence"], failed, timestep_s=timestep_s)]

@@ -28,7 +28,7 @@ import structlog
 from grader.domain.progress import TrialProgress
 from grader.domain.verdict import Verdict
 from grader.errors import JailFault, JailRefused, ScriptStopped
-from grader.exercises import Tell, list_codes
+from grader.exercises import Tell, list_codes, use_jail
 from grader.grading.pipeline import Pipeline, ignore_progress
 from grader.library import Library
 from grader.logs import log_to_stderr, logs_json
@@ -364,6 +364,7 @@ def main() -> None:
         connection.send(JailRefused(str(fault)))
         return
     threading.Thread(target=end_with_parent, args=(jail, Path(sys.argv[2])), daemon=True).start()
+    use_jail(jail.run_beside)
     with jail, suppress(BrokenPipeError):
         integrators = f"kept: {jail.keeps_integrators}" if jail.keeps_integrators else "removable"
         gc.freeze()

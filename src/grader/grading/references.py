@@ -87,6 +87,8 @@ class ReferenceOutcome:
 
     got: str
     diagnosis: str | None
+    faults: str = ""
+    """What is wrong with the pictures that the kind built."""
 
     def __str__(self) -> str:
         return f"{self.got} ({self.diagnosis})" if self.diagnosis else self.got
@@ -98,7 +100,8 @@ def grade_one(pipeline: Pipeline, reference: ReferenceProgram, seed: int) -> Ref
         verdict = pipeline.grade(reference.quiz, reference.question, reference.answer, seed)
     except (CallerError, InvalidAnswer) as error:
         return ReferenceOutcome(NO_QUESTION if isinstance(error, NotFound) else "no verdict", str(error))
-    return ReferenceOutcome(verdict.status.value, verdict.diagnosis)
+    faults = "; ".join(verdict.evidence.get("faults", ()))
+    return ReferenceOutcome(verdict.status.value, verdict.diagnosis, faults)
 
 
 def list_mismatches(reference: ReferenceProgram, outcomes: dict[int, ReferenceOutcome]) -> Iterator[str]:
@@ -122,5 +125,7 @@ def list_mismatches(reference: ReferenceProgram, outcomes: dict[int, ReferenceOu
             yield f"graded {outcome}{where}{cure}"
         elif reference.diagnosis and reference.diagnosis not in (outcome.diagnosis or ""):
             yield f"diagnosis is {outcome.diagnosis!r}, not {reference.diagnosis!r}{where}"
+        elif outcome.faults:
+            yield f"the kind builds pictures that no page can draw{where}: {outcome.faults}; mend its build_pictures"
         elif len(counts) > 1:
             yield f"the verdict depends on the draw: {outcome}{where}"

@@ -12,6 +12,7 @@ from grader.domain.lab import Lab, UnknownLab
 from grader.domain.media import Media
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import ContentError, Fault, NotFound
+from grader.library.authors_jail import run_in_authors_jail
 from grader.library.checking.mjcf import flattened, inline_faults, model_faults
 from grader.library.checking.passed import NOTHING_PASSED, PassedChecks
 from grader.library.checking.schema import named_parts, read_quiz
@@ -143,6 +144,10 @@ def _load_source(loading: _Loading, file: str, text: str, raw: dict[str, Any], o
     text_of = partial(_read_into, named, loading.root)
     if loading.question is not None:  # an exercise names texts, which are part of the quiz's digest
         tried = [part for part in tried if part.id == loading.question or _is_exercise(part)]
+    if any(map(_is_exercise, tried)):
+        from grader.exercises import use_jail  # a quiz without exercises is loaded without it
+
+        use_jail(run_in_authors_jail, loading.passed)
     loading.faults += semantic_faults(tried, loading.compiled, text_of, file, loading.passed)
     loading.texts |= named
     if parsed.quiz is None:

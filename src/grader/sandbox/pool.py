@@ -56,6 +56,12 @@ class Pool:
             self._free += 1
             self._change.notify_all()
 
+    def widen(self, places: int) -> None:
+        """Add places, or take free ones away."""
+        with self._change:
+            self._free += places
+            self._change.notify_all()
+
     def close(self) -> None:
         """End every process, and wait until they have ended."""
         with self._change:

@@ -37,6 +37,8 @@ TEXT_CHARS_MAX = 1000
 MODELS: dict[str, bytes] = {}
 """Compiled models, as MuJoCo saves them, by their MJCF text."""
 STATE: dict[str, Any] = {"compiles": False, "student": None, "faults": 0, "plays": False, "asked": False, "over": False}
+CHAIN_MAX = 10
+"""Exceptions behind each other that are looked at."""
 FAULTS_SHOWN = 3
 """Exceptions of steps that are written to stderr."""
 compile_text, load_saved = mujoco.MjModel.from_xml_string, mujoco.MjModel.from_binary_path
@@ -193,9 +195,12 @@ def explain(error: BaseException) -> bytes:
 
 
 def account(error: BaseException, student: object, hidden: bool, *, shown: bool = True) -> bytes:
-    """Returns an exception and its line in the student's file as JSON; of a visible trial, writes it to stderr too."""
+    """Returns an exception and its line in the student's file as JSON, or else its place in the driver; of a visible
+    trial, writes it to stderr too."""
     file = getattr(student, "__file__", "")
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+    frames: list[traceback.FrameSummary] = []
+    for one in chain(error):
+        frames = frames or [frame for frame in traceback.extract_tb(one.__traceback__) if frame.filename == file]
     what = built_in(error).__name__
     if not hidden:
         with contextlib.suppress(Exception):  # the student's own __str__
@@ -203,4 +208,19 @@ def account(error: BaseException, student: object, hidden: bool, *, shown: bool 
             lines = ["Traceback (most recent call last):\n", *traceback.format_list(frames), f"{what}\n"] * shown
             os.write(2, "".join(lines).encode("utf-8", "backslashreplace"))
     line = frames[-1].lineno if frames else None
-    return json.dumps({"raised": what[:TEXT_CHARS_MAX], "line": line}).encode()
+    told = {"raised": what[:TEXT_CHARS_MAX], "line": line}
+    return json.dumps(told if frames else told | {"place": find_place(error)}).encode()
+
+
+def chain(error: BaseException) -> list[BaseException]:
+    """Returns an exception, and those that a driver may have caught before it raised this one."""
+    found = [error]
+    while (before := found[-1].__cause__ or found[-1].__context__) is not None and len(found) < CHAIN_MAX:
+        found.append(before)
+    return found
+
+
+def find_place(error: BaseException) -> str:
+    """Returns where in the kind's driver an exception was raised, to end a sentence."""
+    places = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if frame.f_globals is KIND]
+    return f" ({places[-1][0].f_code.co_name}, line {places[-1][1]} of the driver)" if places else ""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from grader.exercises.kind import LazyAnswer, TextOf
-from grader.exercises.running.planning import load_kinds, plan_exercise, refuse_text
+from grader.exercises.running.planning import SEED, load_kinds, plan_exercise, refuse_text
 from grader.questions import ModelXml
 from grader.questions.kinds.script import ScriptQuestion
 
@@ -30,7 +30,7 @@ def write_lazy_answers(
     none. A script that answers every model alike may earn the points of the visible trials, and one that returns values
     of an odd shape no more than one that returns None. Those of models and files are as in `write_lazy_answers` of the
     kind: MJCF, or base64."""
-    kind, plan = load_kinds()[question.check.kind], plan_exercise(question, model_xml, 0, text_of)
+    kind, plan = load_kinds()[question.check.kind], plan_exercise(question, model_xml, SEED, text_of)
     share = sum(trial.points for trial in plan.trials if not trial.hidden) / sum(trial.points for trial in plan.trials)
     alike, most = kind.write_lazy_answers(question, plan.parameters, plan.trials), share * question.points
     counts = {name: kind.count_returned(trial) for trial in plan.trials for name in trial.entries or (question.entry,)}

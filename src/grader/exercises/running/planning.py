@@ -31,6 +31,10 @@ from grader.questions.kinds.script import ScriptQuestion
 GROUP = "grader.exercise_kinds"
 """The entry-point group in which kinds of exercise are found."""
 
+SEED = 0
+"""Draws the numbers when content is loaded, and those of visible cases for the learner's own machine. A submission has
+a seed of its own, so these are another draw."""
+
 AnyKind = Kind[Any, Any, Any]
 AnyTrial = Trial[Any]
 
@@ -119,7 +123,7 @@ def plan_exercise(question: ScriptQuestion, model_xml: ModelXml, seed: int, text
     """Returns the inputs of the jail and the trials for the judge; `seed` draws the numbers of the cases."""
     kind = load_kinds()[question.check.kind]
     parameters = read_parameters(kind, question)
-    content = Content(question.entry, model_xml, text_of, question.takes)
+    content = Content(question.entry, model_xml, text_of, question.takes, is_fixed=seed == SEED)
     trials: list[AnyTrial] = []
     for index, case in enumerate(parameters.cases):
         trials.extend(build_case_trials(kind, parameters, case, content, [seed, index]))

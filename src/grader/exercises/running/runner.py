@@ -21,6 +21,8 @@ from grader.exercises.judgement import list_counting
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.running.authored import find_authored_sentence
 from grader.exercises.running.diagnosing import describe_success, diagnose
+from grader.exercises.running.driver_faults import refuse_driver_faults
+from grader.exercises.running.evidence import build_evidence
 from grader.exercises.running.measuring import Run, limit_cpu
 from grader.exercises.running.planning import Plan, load_kinds
 from grader.exercises.running.trials import judge_trials
@@ -49,9 +51,11 @@ def judge_exercise(
     question: ScriptQuestion, plan: Plan, report: RunReport, run: Run = refuse_job, source: str = ""
 ) -> Verdict:
     """Returns the verdict on a script; one that did not return gets the status of that name, with the reason. `run` is
-    the jail's, for kinds that measure there; it raises JailFault. The text of the script, `source`, only explains."""
+    the jail's, for kinds that measure there; it raises JailFault. The text of the script, `source`, only explains.
+    Raises PluginError where the kind's driver fails, and what the kind raises."""
     if report.stepped:
         return build_failure(question, Status.FORBIDDEN, STEPPED)
+    refuse_driver_faults(question, plan, report, run)
     if report.status is not RunStatus.RETURNED:
         where = describe_stop(report.talked, build_titles(plan.parameters, plan.trials))
         return build_failure(question, Status(report.status.value), f"{explain_error(report.reason)}{where}")
@@ -93,7 +97,7 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
         diagnosis=mistake.sentence if mistake else None,
         line=mistake.line if mistake else None,
         direction=direction,
-        evidence=kind.build_pictures(plan.parameters, [one for one in whole if not one.trial.hidden]),
+        evidence=build_evidence(kind, plan.parameters, [one for one in whole if not one.trial.hidden]),
     )
     review = next((one.judgement.review for one in judged if one.judgement.review), "")
     if review and verdict.status is not Status.INCORRECT:

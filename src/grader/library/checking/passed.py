@@ -60,8 +60,8 @@ class PassedChecks:
         """
         if self.place is None:
             return compute(text_of)
-        entry = self.place / f"{digest_texts([check, *inputs])}.json"
-        kept = recall(entry)
+        name = digest_texts([check, *inputs])
+        kept = self.recall(name)
         if kept is not None and all(digest_file(text_of, path) == digest for path, digest in kept["files"].items()):
             return read(kept["result"])
         files: dict[str, str] = {}
@@ -72,8 +72,26 @@ class PassedChecks:
 
         result = compute(note)
         if (written := write(result)) is not None:
-            keep(entry, {"files": files, "result": written})
+            self.keep(name, {"files": files, "result": written})
         return result
+
+    def recall(self, name: str) -> Any | None:
+        """Returns what was kept by this name; None if there is nothing that can be read."""
+        try:
+            return None if self.place is None else json.loads((self.place / f"{name}.json").read_bytes())
+        except (OSError, ValueError):
+            return None
+
+    def keep(self, name: str, result: Any) -> None:
+        """Writes a file as a whole or not at all; a full disk loses nothing but time."""
+        if self.place is None:
+            return
+        try:
+            with tempfile.NamedTemporaryFile("w", dir=self.place, delete=False) as file:
+                json.dump(result, file)
+            Path(file.name).replace(self.place / f"{name}.json")
+        except OSError as error:
+            log.info("a passed check is not kept", why=str(error))
 
 
 NOTHING_PASSED = PassedChecks()
@@ -96,24 +114,6 @@ def open_place(folder: Path) -> Path | None:
         log.info("passed checks are not kept", folder=str(folder), why=str(error))
         return None
     return place
-
-
-def recall(entry: Path) -> Any | None:
-    """Returns what was kept; None if there is nothing that can be read."""
-    try:
-        return json.loads(entry.read_bytes())
-    except (OSError, ValueError):
-        return None
-
-
-def keep(entry: Path, result: Any) -> None:
-    """Writes a file as a whole or not at all; a full disk loses nothing but time."""
-    try:
-        with tempfile.NamedTemporaryFile("w", dir=entry.parent, delete=False) as file:
-            json.dump(result, file)
-        Path(file.name).replace(entry)
-    except OSError as error:
-        log.info("a passed check is not kept", why=str(error))
 
 
 def digest_texts(texts: Iterable[str]) -> str:

@@ -6,9 +6,12 @@ from functools import lru_cache
 from threading import Lock
 from typing import Any
 
+import structlog
+
 from grader.certify import Certificate
 from grader.certify.keys import bound_luck, certify_quizzes
 from grader.certify.remarks import UNVERIFIED, Luck, is_decidable
+from grader.errors import GraderError
 from grader.library import NOTHING_PASSED, Library, PassedChecks
 from grader.questions import AnswerKey, Question, kind_of
 from grader.web.text.certificates import describe_luck, word_key
@@ -17,6 +20,13 @@ from grader.web.verdict.key_plot import draw_key
 
 LUCKS_MAX = 1000
 """Chances of luck that are kept."""
+
+FAILED = (
+    "Whether a fixed answer passes is not known. Answers are graded all the same: mend what is named here, or tell "
+    "whoever wrote the kind; the log has the details."
+)
+
+log = structlog.get_logger()
 
 
 @dataclass(frozen=True)
@@ -45,8 +55,17 @@ def list_rows(keyed: _Keyed, with_luck: bool) -> Iterator[dict[str, Any]]:
     for question in keyed.library.quiz(keyed.quiz).questions:
         yield from (row for row in certified if row["question"] == question.id)
         if kind_of(question).is_script:
-            luck = lucks.of(keyed, question, compute=with_luck)
-            yield {"quiz": keyed.quiz, "question": question.id, "title": choose_title(question), **word_luck(luck)}
+            cells = list_luck_cells(keyed, question, with_luck)
+            yield {"quiz": keyed.quiz, "question": question.id, "title": choose_title(question), **cells}
+
+
+def list_luck_cells(keyed: _Keyed, question: Question, with_luck: bool) -> dict[str, Any]:
+    """Returns the chance of luck at an exercise as cells of the table, or why its kind cannot tell it."""
+    try:
+        return word_luck(lucks.of(keyed, question, compute=with_luck))
+    except (GraderError, ValueError) as error:
+        log.exception("no chance of luck", quiz=keyed.quiz, question=question.id)
+        return {"state": "cannot be computed", "tone": "no", "why": f"{error}.", "facts": [], "remarks": (FAILED,)}
 
 
 class Lucks:

@@ -2,15 +2,16 @@
 Evidence is stored JSON, possibly of an older version, so what cannot be read is left out."""
 
 from collections.abc import Mapping
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import Field, TypeAdapter, ValidationError
 
+from grader.domain.pictures import Chart, ChartAxis, OwnFilm, Part, Table
 
-class Part(BaseModel):
-    """Frozen; further keys are ignored."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
+__all__ = [
+    "Chart", "ChartAxis", "Claim", "Difference", "Geom", "Limit", "Model", "Motion", "Order", "OwnFilm", "Run", "Table",
+    "Tableau", "Value", "read_list", "read_one",
+]  # fmt: skip
 
 
 class Run(Part):
@@ -82,50 +83,7 @@ class Tableau(Part):
 
     given: Coefficients
     asked: Coefficients
-    wrong: list[Any] = []
-
-
-class ChartAxis(Part):
-    """The axis of a chart that a kind of exercise asks for."""
-
-    label: str = ""
-    log: bool = False
-    min: float | None = None
-    max: float | None = None
-
-
-class Series(Part):
-    """One line of such a chart."""
-
-    label: str = ""
-    x: list[float | None]
-    y: list[float | None]
-
-
-class Mark(Part):
-    """A marked value on one axis of such a chart."""
-
-    x: float | None = None
-    y: float | None = None
-    label: str = ""
-
-
-class Chart(Part):
-    """A line chart that a kind of exercise asks for."""
-
-    case: str
-    title: str = ""
-    x: ChartAxis = ChartAxis()
-    y: ChartAxis = ChartAxis()
-    series: list[Series]
-    marks: list[Mark] = []
-
-
-class OwnFilm(Part):
-    """What the box of the films says that a kind of exercise records of the learner's own runs."""
-
-    title: str
-    about: str = ""
+    wrong: list[Any] = Field(default_factory=list)
 
 
 class Geom(Part):
@@ -154,21 +112,6 @@ class Value(Part):
     unit: str | None = None
     computed: Any = None
     expected: Any = None
-
-
-class Table(Part):
-    """A table that a kind of exercise asks for: texts, a row of headings and rows of as many cells."""
-
-    case: str
-    title: str = ""
-    head: list[str] = Field(min_length=1, max_length=12)
-    rows: list[list[str]] = Field(max_length=100)
-
-    @model_validator(mode="after")
-    def _has_whole_rows(self) -> Self:
-        if any(len(row) != len(self.head) for row in self.rows):
-            raise ValueError("a row has more or fewer cells than there are headings")
-        return self
 
 
 Read = TypeVar("Read")

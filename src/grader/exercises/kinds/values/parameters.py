@@ -12,8 +12,8 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from grader.domain.numbers import NotNegative, Positive, Value, WholeRange, WholeValue
 from grader.exercises.kind import DrawnCase
 from grader.exercises.kinds.values.judging.driver import Rows, call_function, compile_model, start_data
-from grader.exercises.kinds.values.judging.problem import Call
-from grader.exercises.kinds.values.made_arguments import ARGUMENTS_MAX, run_arguments
+from grader.exercises.kinds.values.judging.problem import Call, RanTooLong
+from grader.exercises.kinds.values.made_arguments import ARGUMENTS_MAX, make_arguments
 from grader.exercises.parameters import (
     CASES_MAX,
     ELEMENTS_MAX,
@@ -25,7 +25,7 @@ from grader.exercises.parameters import (
     WrongProgram,
     draw_exactly,
 )
-from grader.exercises.programs import Program, limit_lines, load_program
+from grader.exercises.programs import Program, TooManyLines, limit_lines, load_program
 
 Name = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
 
@@ -216,7 +216,10 @@ class Problem:
             return residual(*arguments, *given)
 
         model, results = compile_model(self.xml), [{"name": "residual", "field": None}]
-        found = limit_lines(lambda: call_function(remaining, model, call.inputs(), results))
+        try:
+            found = limit_lines(lambda: call_function(remaining, model, call.inputs(), results))
+        except TooManyLines as error:
+            raise RanTooLong(str(error)) from error
         return None if isinstance(found, str) else found[0]
 
 
@@ -268,11 +271,10 @@ def uses_data(function: Function) -> bool:
 
 
 def draw_call(drawn: DrawnCase[ValuesCase]) -> Call:
-    """Draws the arguments and the start of one call. Raises ValueError where the author's program makes none."""
+    """Draws the arguments and the start of one call. Raises WrongInCase where the author's program makes none."""
     declared, rng = drawn.case.arguments, drawn.rng
     if isinstance(declared, ArgumentsProgram):
-        maker = declared.program, declared.function, drawn.content.text_of(declared.program)
-        arguments = run_arguments(maker, drawn.xml, tuple(drawn.numbers.items()), int(rng.integers(2**63)))
+        arguments = make_arguments(drawn, declared.program, declared.function)
     else:
         arguments = tuple(draw_argument(argument, rng) for argument in declared)
     return Call(arguments, drawn.case.start.draw(rng))

@@ -7,7 +7,7 @@ import numpy as np
 
 from grader.exercises.judgement import Judgement, Results
 from grader.exercises.kinds.values.judging.driver import Rows, to_numbers
-from grader.exercises.kinds.values.judging.problem import Call, Problem, Result
+from grader.exercises.kinds.values.judging.problem import Call, Problem, RanTooLong, Result
 
 ELEMENTS_SHOWN = 12
 
@@ -140,15 +140,17 @@ def describe_fields(problem: Problem) -> str:
 
 
 def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple[Rows, ...]) -> Comparison:
-    """Judges by the author's residual. A residual that raises counts as results of the wrong shape."""
+    """Judges by the author's residual. Results for which it cannot be computed are wrong."""
     residual = problem.function.residual
     assert residual is not None
     try:
         size = compute_residual(problem, call, values)
     except MemoryError:
         raise
-    except Exception:  # the author's own function, over results of any shape
-        return Comparison(call, answer, None, "The results have the wrong shape.")
+    except Exception as error:  # the author's own function, over results that it does not foresee
+        how = "does not end for them in time" if isinstance(error, RanTooLong) else "cannot be computed for them"
+        why = f"Your results do not satisfy the exercise's own equation: {residual.function} {how}."
+        return Comparison(call, answer, None, why, f"{type(error).__name__}: {error}.")
     if size <= residual.atol:
         return Comparison(call, answer, None, "", residual=size)
     detail = f"it is {size:.3g}{prefix_unit(residual.unit)}; {residual.atol:g}{prefix_unit(residual.unit)} is allowed."

@@ -61,6 +61,10 @@ class Call:
         return {"arguments": list(self.arguments), "start": dict(self.start)}
 
 
+class RanTooLong(Exception):
+    """A function of the author's program that does not end for these results."""
+
+
 class Problem(Protocol):
     """The calls of one trial. The expected results are None where a residual decides."""
 
