@@ -185,6 +185,42 @@ def test_slides_name_nobody_and_are_a_page_each(desk: Page, settings: Settings) 
     assert len(re.findall(rb"/Type /Page\b", desk.pdf(format="A4", landscape=True))) == slides
 
 
+def test_slides_are_shown_on_the_full_screen_by_keys_and_by_buttons(
+    browser: Chromium, origin: str, settings: Settings
+) -> None:
+    desk = enter(browser, origin, settings, "instructor", Role.INSTRUCTOR, scripts=True)
+    desk.goto(f"{CLASS}/slides")
+    slides, shown = desk.locator(".slide"), desk.locator(".slide:visible")
+    count = slides.count()
+    desk.get_by_role("button", name="Full screen").click()
+    expect(desk.locator(".slides:fullscreen")).to_have_count(1)
+    expect(shown).to_have_count(1)
+    for key, place in (("ArrowRight", 1), ("ArrowLeft", 0), ("ArrowLeft", 0), ("PageDown", 1), ("PageUp", 0),
+                       ("End", count - 1), ("ArrowRight", count - 1), ("Home", 0), (" ", 1)):  # fmt: skip
+        desk.keyboard.press(key)
+        expect(shown).to_have_attribute("id", f"slide-{place + 1}")
+        expect(shown).to_be_focused()
+    size = desk.viewport_size
+    assert size is not None
+    box = shown.bounding_box()
+    assert box is not None
+    assert box["width"] == size["width"]
+    assert float(shown.evaluate("one => parseFloat(getComputedStyle(one).fontSize)")) > 20
+    assert findings(desk) == []
+    desk.get_by_role("button", name="Previous").click()
+    expect(shown).to_have_attribute("id", "slide-1")
+    desk.keyboard.press("Escape")
+    expect(shown).to_have_count(count)
+    expect(desk.locator(":fullscreen")).to_have_count(0)
+    expect(desk.get_by_role("button", name="Full screen")).to_be_focused()
+
+    desk.evaluate("() => { Element.prototype.requestFullscreen = () => Promise.reject(new TypeError()) }")
+    desk.get_by_role("button", name="Full screen").click()
+    expect(shown).to_have_count(1)
+    desk.get_by_role("button", name="Leave").click()
+    expect(shown).to_have_count(count)
+
+
 def test_a_comment_stands_below_its_line_and_changes_no_points(
     desk: Page, browser: Chromium, origin: str, settings: Settings
 ) -> None:
