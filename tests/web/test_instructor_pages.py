@@ -388,8 +388,9 @@ def test_a_draft_is_read_previewed_and_published_as_it_was_seen(site: Site, tina
     path.write_text(json.dumps({**GRADED, "questions": [{**which, "answer": 0}, {**why, "q": "Why not?"}, LENGTH]}))
     seen = page(tina, DRAFT)
     told = words(seen)
-    assert "Which? 2-graded which changed answer 1 learner has answered: their verdicts stay until you regrade" in told
-    assert "2-graded why changed q Nobody has answered it yet." in told
+    assert "Which? 2-graded which changed which › answer: before: 1, “b” → now: 0, “a” 1 learner has" in told
+    assert "their verdicts stay until you regrade" in told
+    assert "2-graded why changed why › q: before: Why? → now: Why not? Nobody has answered it yet." in told
     assert "2-graded length added Learners see it once it is published." in told
     assert "After that regrade 2-graded" in told
     shown = page(tina, f"{DRAFT}/2-graded/length")

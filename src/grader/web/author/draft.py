@@ -12,6 +12,7 @@ from grader.gate.services import AppServices
 from grader.grading.content import Draft, revise
 from grader.library import Library
 from grader.library.changes import ADDED, REMOVED, Change, list_changes
+from grader.library.edits import join_path
 from grader.questions import kind_of
 from grader.store import results
 from grader.web.author.preview import STATES, build_preview, list_samples
@@ -103,7 +104,7 @@ def describe_change(change: Change, now: Library, draft: Draft, answered: dict[t
     if change.lesson:
         meaning = "Learners read it on the page of the lesson."
         return {"quiz": f"lessons/{change.lesson}.md", "part": "", "how": change.how, "title": "Text of the lesson",
-                "keys": (), "regrade": False, "meaning": meaning, "address": None}  # fmt: skip
+                "edits": change.edits, "regrade": False, "meaning": meaning, "address": None}  # fmt: skip
     library = now if change.how == REMOVED else draft.library
     learners = answered.get((change.quiz, change.part), 0)
     if not change.part:
@@ -112,7 +113,8 @@ def describe_change(change: Change, now: Library, draft: Draft, answered: dict[t
     if change.part and change.is_question:
         title = list_titles(library)[change.quiz, change.part]
     return {
-        "quiz": change.quiz, "part": change.part, "how": change.how, "title": title, "keys": change.keys,
+        "quiz": change.quiz, "part": change.part, "how": change.how, "title": title,
+        "edits": [one._replace(path=join_path(change.part, one.path)) for one in change.edits],
         "regrade": bool(learners and change.part and change.how not in (ADDED, REMOVED) and not change.is_silent),
         "meaning": describe_meaning(change, learners),
         "address": f"{PAGE}/{change.quiz}/{change.part}"
