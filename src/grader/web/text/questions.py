@@ -11,6 +11,7 @@ from markupsafe import Markup
 from grader.domain.markup import plain_text
 from grader.library import Library
 from grader.questions import FORMS, Question, Quiz, kind_of, question_view
+from grader.questions.drawing import Drawable, is_drawn
 from grader.web.text.lab_box import describe_lab
 from grader.web.text.numbers import NARROW, unbroken
 from grader.web.text.prose import cached_prose
@@ -50,6 +51,7 @@ def describe_question(quiz_id: str, question: Question, starter: str | None) -> 
         "short": shorten_title(question.title or question.label, question.q),
         "prompt": render_prompt(question.q),
         "opening": render_opening(question.q),
+        "numbers": describe_numbers(question),
         "worth": describe_worth(question.points, question.attempts),
         "allowance": describe_limits(view["limits"]) if view.get("takes") == "python" else "",
         "starter": starter,
@@ -60,6 +62,13 @@ def describe_question(quiz_id: str, question: Question, starter: str | None) -> 
         "is_script": kind.is_script,
         "template": f"kinds/{question.kind}.html",
     }
+
+
+def describe_numbers(question: Question) -> str:
+    """Says whose the numbers of a question are; empty where they are the same for all."""
+    if isinstance(question, Drawable) and question.is_posed:
+        return "These numbers are yours: each learner has their own."
+    return "Each learner has numbers of their own; these are in the middle." if is_drawn(question) else ""
 
 
 def render_prompt(text: str) -> Markup:
