@@ -189,9 +189,12 @@ def test_a_visible_case_has_charts(short: Pipeline) -> None:
 def test_a_verdict_has_the_film_of_what_the_controller_did(pipeline: Pipeline) -> None:
     source = "def make(model):\n    return lambda t, seen: 0.0\n"
     evidence = grade(pipeline, "cart-pole", source).evidence
-    (film,) = record_films(pipeline.library, (QUIZ, "cart-pole"), SEED, {"evidence": evidence, "findings": []})
+    at = (QUIZ, "cart-pole")
+    film, other = record_films(pipeline.library, at, SEED, {"evidence": evidence, "findings": []})
     (panel,) = film.panels
-    assert film.caption == "Your run, case lean: to its end."
+    assert film.caption == "a pole that leans by 0.1 rad: simulated to its end."
+    assert other.title == "a cart away from home"
+    assert other.panels[0].qpos[0] == pytest.approx([0.4, 0.06])
     assert film.end_s == pytest.approx(4.99)
     assert panel.qpos[0] == pytest.approx([0, 0.1])
     chart = evidence["motions"][0]["series"][0]
@@ -200,9 +203,9 @@ def test_a_verdict_has_the_film_of_what_the_controller_did(pipeline: Pipeline) -
     assert np.abs(hinge - tracked)[:-1].max() < 1e-3  # the chart ends a period earlier
     assert record_films(pipeline.library, (QUIZ, "altitude"), SEED, {"evidence": evidence}) == []
     for key, value in (("time_s", []), ("qpos", [[0.0]]), ("qpos", [[0.0], []]), ("episode", 7)):
-        run = {**evidence["film"]["runs"][0], key: value}
-        lost = {"evidence": {"film": {**evidence["film"], "runs": [run]}}}
-        assert record_films(pipeline.library, (QUIZ, "cart-pole"), SEED, lost) == []
+        run = {**evidence["film"]["cases"][0]["runs"][0], key: value}
+        lost = {"evidence": {"film": {"cases": [{"case": "lean", "runs": [run]}]}}}
+        assert record_films(pipeline.library, at, SEED, lost) == []
 
 
 def test_a_film_says_why_an_episode_ended_early() -> None:

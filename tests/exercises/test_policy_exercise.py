@@ -95,7 +95,9 @@ def test_the_share_has_its_interval_and_nothing_hidden_is_told(pipeline: Pipelin
     (hidden,) = [finding for finding in verdict.findings if finding.id == "drawn"]
     assert (hidden.message, hidden.measured) == ("Enough episodes reach every goal.", None)
     assert {chart["case"] for chart in verdict.evidence["motions"]} == {"lean", "some"}
-    assert len(verdict.evidence["film"]["runs"][0]["qpos"]) == FRAMES_MAX
+    lean, some = verdict.evidence["film"]["cases"]
+    assert [lean["case"], some["case"]] == ["lean", "some"]
+    assert len(lean["runs"][0]["qpos"]) == FRAMES_MAX
     plan = plan_exercise(find_question(pipeline, "cart-pole-policy"), pipeline.library.model_xml, SEED)
     for trial in plan.trials:
         assert trial.inputs == {

@@ -68,6 +68,8 @@ def write_value(value: Any) -> str:
     """Writes a value as its author does; a text without its quotation marks."""
     if value is None:
         return NOTHING
+    if isinstance(value, float):
+        return f"{value:.12g}"
     return value if isinstance(value, str) and value else json.dumps(value, ensure_ascii=False)
 
 

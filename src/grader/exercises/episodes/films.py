@@ -13,6 +13,8 @@ from grader.exercises.episodes.simulating import Record
 from grader.exercises.film import Film, Panel, choose_rows
 from grader.exercises.kind import JudgedTrial, Trial
 
+FILMS_MAX = 4
+"""Cases with a film."""
 FIGURES = 6
 """Figures of the positions that are kept: more than can be seen."""
 
@@ -33,25 +35,33 @@ class Kept(BaseModel):
     runs: list[Run] = Field(min_length=1)
 
 
+class Films(BaseModel):
+    """The cases with a film, as the evidence has them."""
+
+    cases: list[Kept]
+
+
 def choose_episode(outcome: Outcome) -> int:
     """Returns the place of the first episode that did not succeed, else of the first."""
     return next((place for place, failed in enumerate(outcome.failed) if failed), 0)
 
 
 def keep_film(visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
-    """Returns `film`: the positions in the first visible case that failed, else in the first. Where some of its
-    episodes failed, one of them and one that succeeded. Nothing where nothing was simulated."""
-    wrong = [one for one in visible if any(one.judgement.outcome.failed)]
-    for one in [*wrong, *visible][:1]:
-        outcome = one.judgement.outcome
-        chosen = choose_episode(outcome)
-        others = [place for place, failed in enumerate(outcome.failed) if not failed and place != chosen][:1]
-        places = [chosen, *(others if outcome.failed[chosen] else ())]
-        runs = [keep_run(place, outcome.records[place]) for place in places if len(outcome.records[place].time_s)]
-        if runs:
-            about = "The judge's own simulation, with the controls of your script."
-            return {"film": {"title": "Your run", "about": about, "case": one.trial.id, "runs": runs}}
-    return {}
+    """Returns `film`: the positions in the visible cases, those that failed first. Where some episodes of a
+    case failed, one of them and one that succeeded. Nothing where nothing was simulated."""
+    ordered = sorted(visible, key=lambda one: not any(one.judgement.outcome.failed))
+    cases = [{"case": one.trial.id, "runs": keep_runs(one.judgement.outcome)} for one in ordered[:FILMS_MAX]]
+    kept = [one for one in cases if one["runs"]]
+    about = "The judge's own simulation, with the controls of your script."
+    return {"film": {"title": "Your run", "about": about, "cases": kept}} if kept else {}
+
+
+def keep_runs(outcome: Outcome) -> list[dict[str, Any]]:
+    """Returns the episode that is shown of a case; where it failed, beside the first that succeeded."""
+    chosen = choose_episode(outcome)
+    others = [place for place, failed in enumerate(outcome.failed) if not failed and place != chosen][:1]
+    places = [one for one in (chosen, *others) if len(outcome.records[one].time_s)]
+    return [keep_run(one, outcome.records[one]) for one in (places if outcome.failed[chosen] else places[:1])]
 
 
 def keep_run(place: int, record: Record) -> dict[str, Any]:
@@ -77,26 +87,33 @@ def describe_end(record: Record) -> str:
 
 
 def record_films(trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any]) -> Sequence[Film]:
-    """Returns the film of the runs that the evidence keeps; none where they are of another model."""
+    """Returns a film for each case that the evidence keeps; none of another model."""
     try:
-        kept = Kept.model_validate(evidence.get("film"))
+        cases = Films.model_validate(evidence.get("film")).cases
     except ValidationError:
         return []
-    problem = next((trial.problem for trial in trials if trial.id == kept.case), None)
-    if problem is None or kept.runs[0].episode >= len(problem.episodes):
-        return []
-    scene = problem.episodes[kept.runs[0].episode].scene
-    panels = [build_panel(kept.case, one, is_one_of_several=len(problem.episodes) > 1) for one in kept.runs]
+    problems = {trial.id: trial.problem for trial in trials}
+    films = [build_film(problems[one.case], one) for one in cases if one.case in problems]
+    return [one for one in films if one is not None]
+
+
+def build_film(problem: Problem, kept: Kept) -> Film | None:
+    """Returns the film of a case; None where its runs are of another model."""
+    if kept.runs[0].episode >= len(problem.episodes):
+        return None
+    scene, several = problem.episodes[kept.runs[0].episode].scene, len(problem.episodes) > 1
+    panels = tuple(build_panel(one, is_one_of_several=several) for one in kept.runs)
     if any(panel.qpos.shape != (len(panel.times_s), scene.model.nq) for panel in panels):
-        return []
+        return None
+    title = problem.case.title or f"Case {kept.case}"
+    ends = [f"{one.title} {one.ended}" for one in panels if one.ended]
     end_s = max(float(panel.times_s[-1]) for panel in panels)
-    caption = "; ".join(f"{one.title}, {one.detail}: {one.ended or 'to its end'}" for one in panels) + "."
-    return [Film("run", "Your run", caption, scene, end_s, tuple(panels))]
+    return Film(kept.case, title, f"{title}: {'; '.join(ends) or 'simulated to its end'}.", scene, end_s, panels)
 
 
-def build_panel(case: str, run: Run, *, is_one_of_several: bool) -> Panel:
+def build_panel(run: Run, *, is_one_of_several: bool) -> Panel:
     """Returns a run as a panel. Raises no error for rows of different lengths: their shape tells."""
     widths = {len(row) for row in run.qpos}
     qpos = np.array(run.qpos if len(widths) == 1 else [[]], dtype=np.float64)
-    detail = f"episode {run.episode + 1}" if is_one_of_several else f"case {case}"
-    return Panel("Your run", np.array(run.time_s), qpos, detail=detail, ended=run.ended)
+    title = f"Episode {run.episode + 1}" if is_one_of_several else "Your run"
+    return Panel(title, np.array(run.time_s), qpos, ended=run.ended)
