@@ -1,6 +1,7 @@
 """The draft of a course in the service: what its content folder changes, what the keys say of it, and Publish."""
 
 from typing import Any
+from urllib.parse import urlencode
 
 from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
@@ -45,7 +46,8 @@ def publish(request: Request, services: AppServices, who: Instructor, form: Form
         return render(request, services, who, str(error) if form.get("revision") else NO_REVISION, 412)
     except ContentError:
         return render(request, services, who, "Nothing was published: mend the faults below.", 422)
-    return RedirectResponse("/instructor/content?loaded=published", 303)
+    told = {"loaded": "published", "regrade": form.get("regrade", "")}
+    return RedirectResponse(f"/instructor/content?{urlencode({name: it for name, it in told.items() if it})}", 303)
 
 
 @router.get(f"{PAGE}/{{quiz_id}}/{{question_id}}")
@@ -84,7 +86,7 @@ def render(request: Request, services: AppServices, who: Instructor, trouble: st
     return page(
         request, "draft.html", status, who=who, draft=draft, rows=rows, trouble=trouble, remarks=remarks,
         is_same=draft.library is not None and draft.revision == revise(now),
-        to_regrade=sorted({row["quiz"] for row in rows if row["regrade"]}),
+        to_regrade=[f"{row['quiz']}/{row['part']}" for row in rows if row["regrade"]],
     )  # fmt: skip
 
 
