@@ -192,8 +192,8 @@ def test_a_verdict_has_the_film_of_what_the_controller_did(pipeline: Pipeline) -
     at = (QUIZ, "cart-pole")
     film, other = record_films(pipeline.library, at, SEED, {"evidence": evidence, "findings": []})
     (panel,) = film.panels
-    assert film.caption == "a pole that leans by 0.1 rad: simulated to its end."
-    assert other.title == "a cart away from home"
+    assert film.caption == "A pole that leans by 0.1 rad: simulated to its end."
+    assert other.title == "A cart away from home"
     assert other.panels[0].qpos[0] == pytest.approx([0.4, 0.06])
     assert film.end_s == pytest.approx(4.99)
     assert panel.qpos[0] == pytest.approx([0, 0.1])
@@ -206,6 +206,13 @@ def test_a_verdict_has_the_film_of_what_the_controller_did(pipeline: Pipeline) -
         run = {**evidence["film"]["cases"][0]["runs"][0], key: value}
         lost = {"evidence": {"film": {"cases": [{"case": "lean", "runs": [run]}]}}}
         assert record_films(pipeline.library, at, SEED, lost) == []
+
+
+def test_what_is_wrong_in_the_first_episode_already_is_no_leftover(pipeline: Pipeline) -> None:
+    """With this seed the first hidden episode succeeds by chance, and no other."""
+    source = (ROOT / "reference_solutions" / QUIZ / "cart-pole" / "partial__forgets_the_cart.py").read_text()
+    diagnosis = grade(pipeline, "cart-pole", source, seed=5975763200289741).diagnosis
+    assert diagnosis == "The controls do not depend on cart."
 
 
 def test_a_film_says_why_an_episode_ended_early() -> None:

@@ -52,7 +52,7 @@ def keep_film(visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any
     ordered = sorted(visible, key=lambda one: not any(one.judgement.outcome.failed))
     cases = [{"case": one.trial.id, "runs": keep_runs(one.judgement.outcome)} for one in ordered[:FILMS_MAX]]
     kept = [one for one in cases if one["runs"]]
-    about = "The judge's own simulation, with the controls of your script."
+    about = "The judge's own simulation, with the controls that yours gave."
     return {"film": {"title": "Your run", "about": about, "cases": kept}} if kept else {}
 
 
@@ -105,7 +105,8 @@ def build_film(problem: Problem, kept: Kept) -> Film | None:
     panels = tuple(build_panel(one, is_one_of_several=several) for one in kept.runs)
     if any(panel.qpos.shape != (len(panel.times_s), scene.model.nq) for panel in panels):
         return None
-    title = problem.case.title or f"Case {kept.case}"
+    title = problem.case.title or f"case {kept.case}"
+    title = title[0].upper() + title[1:]
     ends = [f"{one.title} {one.ended}" for one in panels if one.ended]
     end_s = max(float(panel.times_s[-1]) for panel in panels)
     return Film(kept.case, title, f"{title}: {'; '.join(ends) or 'simulated to its end'}.", scene, end_s, panels)
