@@ -302,6 +302,20 @@ def test_an_extension_is_given_refused_and_taken_back(site: Site, tina: httpx.Cl
     assert (refused.status_code, "no learner of this course any more" in refused.text) == (422, True)
 
 
+def test_an_exercise_that_is_closed_says_so_beside_a_button_that_is_off(site: Site, tina: httpx.Client) -> None:
+    ann, path, policy = browser(site, "ann"), "/quizzes/3-scripts/rk4-step", f"{API}/quizzes/3-scripts/policy"
+    off = '<button class="push" disabled>Run and judge</button>'
+    assert off not in page(ann, path)
+    etag = tina.get(policy).headers["etag"]
+    closed = tina.put(policy, json={"due": "2020-01-01T00:00Z"}, headers={"If-Match": etag})
+    assert closed.status_code == 200, closed.text
+    shown = page(ann, path)
+    assert off in shown
+    assert "This quiz closed on 1 Jan 2020, 00:00 UTC" in words(shown.partition('id="trouble"')[2])
+    etag = tina.get(policy).headers["etag"]
+    assert tina.put(policy, json={}, headers={"If-Match": etag}).status_code == 200
+
+
 def test_several_learners_get_an_extension_at_once_or_none_does(site: Site, tina: httpx.Client) -> None:
     ids = {name: answer(site.client(name), "2-graded", "which", 0)["learner"] for name in ("ann", "bob", "cem")}
     with site.app.state.services.database.write() as session:
