@@ -3,6 +3,7 @@
 import html
 import re
 import unicodedata
+from functools import lru_cache
 
 import nh3
 
@@ -20,8 +21,10 @@ def plain_text(markup: str) -> str:
     return " ".join(html.unescape(nh3.clean(fragment, tags=set(), link_rel=None)).split())
 
 
+@lru_cache(maxsize=2048)
 def spoken_text(markup: str) -> str:
-    """Returns an HTML fragment as plain text, its formulas without dollars where they are plain text as well."""
+    """Returns an HTML fragment as plain text, its formulas without dollars where they are plain text as well.
+    Kept, since parsing HTML takes long."""
     return FORMULA.sub(lambda found: found[0] if "\\" in (told := spell_formula(found)) else told, plain_text(markup))
 
 

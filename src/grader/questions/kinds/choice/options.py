@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import Any, TypeVar
 
 from grader.domain.lab import LabConfig
-from grader.domain.markup import plain_text, quoted, spoken_text
+from grader.domain.markup import plain_text, quoted
 from grader.domain.plugins import Remark
 from grader.domain.verdict import Finding, Verdict, verdict_of
 from grader.errors import InvalidAnswer
@@ -143,7 +143,7 @@ def _index_of_text(options: Sequence[str], answer: str) -> int | None:
     """Find the only option with this text, ignoring tags, spacing and case; None where there are none or several."""
     if len(answer) > CHARACTERS_MAX:
         return None
-    wanted = spoken_text(answer).casefold()
+    wanted = plain_text(answer).casefold()
     found = [index for index, option in enumerate(options) if option_text(option).casefold() == wanted]
     return found[0] if len(found) == 1 else None
 
@@ -151,4 +151,4 @@ def _index_of_text(options: Sequence[str], answer: str) -> int | None:
 @lru_cache(maxsize=2048)
 def option_text(option: str) -> str:
     """An author's option as plain text. Kept, since parsing its HTML takes longer than all else in grading a choice."""
-    return spoken_text(option)
+    return plain_text(option)
