@@ -9,6 +9,8 @@ from typing import Any
 import httpx
 import pytest
 
+from grader.courses.people.identity import COOKIE
+from grader.courses.people.sign_in import create_sign_in_code, redeem_sign_in_code
 from grader.domain.verdict import Status
 from grader.grading.pipeline import Pipeline
 from grader.settings import Settings
@@ -63,6 +65,19 @@ def test_each_learner_has_numbers_and_a_key_of_their_own(ann: httpx.Client, bob:
     same = answer(bob, right_at(mine))
     assert same["verdict"]["status"] == "incorrect"
     assert answer(bob, f"{right_at(theirs) * 57.29578:.4f} deg/s")["verdict"]["status"] == "correct"
+
+
+def test_the_page_says_whose_the_numbers_are(shared_site: Site, ann: httpx.Client) -> None:
+    yours, everyone = "These numbers are yours: each learner has their own.", "Each learner has numbers of their own"
+    for client, name, role in ((ann, "ann", "student"), (teacher := shared_site.anonymous(), "tina", "instructor")):
+        with shared_site.app.state.services.database.write() as session:
+            code = create_sign_in_code(session, name, role)
+            client.cookies.set(COOKIE, redeem_sign_in_code(session, code).secret)
+    page = ann.get(f"/?quiz={QUIZ}").text
+    assert page.count(yours) == 2
+    assert yours not in ann.get("/?quiz=small").text
+    page = teacher.get(f"/?quiz={QUIZ}").text
+    assert (page.count(yours), page.count(everyone)) == (0, 2)
 
 
 def test_a_slip_is_named_by_the_learners_own_key(ann: httpx.Client) -> None:

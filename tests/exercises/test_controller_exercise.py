@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ import pytest
 from grader.domain.run import Job, Limits, RunReport
 from grader.domain.verdict import Status, Verdict
 from grader.exercises import plan_exercise
+from grader.exercises.episodes.films import describe_end
+from grader.exercises.episodes.simulating import Fault, Record
+from grader.grading.films import record_films
 from grader.grading.pipeline import Pipeline
 from grader.grading.references import read_demand
 from grader.library import load
@@ -181,3 +185,45 @@ def test_a_visible_case_has_charts(short: Pipeline) -> None:
     source = "def make(model):\n    return lambda t, seen: 9.81\n"
     charts = grade(short, "altitude", source).evidence["motions"]
     assert [chart["case"] for chart in charts] == ["empty", "empty", "load", "load"]
+
+
+def test_a_verdict_has_the_film_of_what_the_controller_did(pipeline: Pipeline) -> None:
+    source = "def make(model):\n    return lambda t, seen: 0.0\n"
+    evidence = grade(pipeline, "cart-pole", source).evidence
+    at = (QUIZ, "cart-pole")
+    film, other = record_films(pipeline.library, at, SEED, {"evidence": evidence, "findings": []})
+    (panel,) = film.panels
+    assert film.caption == "A pole that leans by 0.1 rad: simulated to its end."
+    assert other.title == "A cart away from home"
+    assert other.panels[0].qpos[0] == pytest.approx([0.4, 0.06])
+    assert film.end_s == pytest.approx(4.99)
+    assert panel.qpos[0] == pytest.approx([0, 0.1])
+    chart = evidence["motions"][0]["series"][0]
+    hinge = np.interp(panel.times_s, chart["x"], chart["y"])
+    tracked = panel.qpos[:, film.scene.model.joint("hinge").qposadr[0]]
+    assert np.abs(hinge - tracked)[:-1].max() < 1e-3  # the chart ends a period earlier
+    assert record_films(pipeline.library, (QUIZ, "altitude"), SEED, {"evidence": evidence}) == []
+    for key, value in (("time_s", []), ("qpos", [[0.0]]), ("qpos", [[0.0], []]), ("episode", 7)):
+        run = {**evidence["film"]["cases"][0]["runs"][0], key: value}
+        lost = {"evidence": {"film": {"cases": [{"case": "lean", "runs": [run]}]}}}
+        assert record_films(pipeline.library, at, SEED, lost) == []
+
+
+def test_what_is_wrong_in_the_first_episode_already_is_no_leftover(pipeline: Pipeline) -> None:
+    """With this seed the first hidden episode succeeds by chance, and no other."""
+    source = (ROOT / "reference_solutions" / QUIZ / "cart-pole" / "partial__forgets_the_cart.py").read_text()
+    diagnosis = grade(pipeline, "cart-pole", source, seed=5975763200289741).diagnosis
+    assert diagnosis == "The controls do not depend on cart."
+
+
+def test_a_film_says_why_an_episode_ended_early() -> None:
+    times = np.array([0.0, 0.01])
+    fault = Fault("ZeroDivisionError: division by zero", 2, 1, 3, 0.02)
+    ends: dict[str, dict[str, Any]] = {
+        "": {},
+        "ZeroDivisionError at 0.01 s": {"fault": fault},
+        "blew up at 0.01 s": {"lost_at_s": 0.02},
+        "over at 0.01 s": {"is_over": True},
+    }
+    for told, how in ends.items():
+        assert describe_end(Record(cast(Any, None), times, **how)) == told

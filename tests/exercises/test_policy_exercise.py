@@ -23,6 +23,7 @@ from gymnasium.utils.env_checker import check_env
 from grader.domain.verdict import Status, Verdict
 from grader.exercises import plan_exercise
 from grader.exercises.episodes.simulating import EpisodeRun
+from grader.exercises.film import FRAMES_MAX
 from grader.exercises.kinds.policy import variants
 from grader.exercises.kinds.policy.judge import Ran, Refused, judge_policy
 from grader.exercises.kinds.policy.network import ACTIVATIONS, Network
@@ -94,6 +95,9 @@ def test_the_share_has_its_interval_and_nothing_hidden_is_told(pipeline: Pipelin
     (hidden,) = [finding for finding in verdict.findings if finding.id == "drawn"]
     assert (hidden.message, hidden.measured) == ("Enough episodes reach every goal.", None)
     assert {chart["case"] for chart in verdict.evidence["motions"]} == {"lean", "some"}
+    lean, some = verdict.evidence["film"]["cases"]
+    assert [lean["case"], some["case"]] == ["lean", "some"]
+    assert len(lean["runs"][0]["qpos"]) == FRAMES_MAX
     plan = plan_exercise(find_question(pipeline, "cart-pole-policy"), pipeline.library.model_xml, SEED)
     for trial in plan.trials:
         assert trial.inputs == {

@@ -78,6 +78,37 @@ def test_a_change_of_texts_alone_alters_no_verdict(write: Write, key: str, value
     assert (change.keys, change.is_silent) == ((key,), is_silent)
 
 
+def test_what_differs_is_told_with_the_old_and_the_new(write: Write) -> None:
+    long = " ".join(f"word{n}" for n in range(60))
+    parts = {"attempts": 3, "q": long}, {"attempts": None, "q": long.replace("word30", "other")}
+    old, new = (
+        {**QUIZ, "questions": [{**NUMBER, **part}, {**CHOICE, "options": options, "answer": answer}, SCRIPT | check]}
+        for part, options, answer, check in (
+            (parts[0], ["a", "b"], 0, {}), (parts[1], ["a", "c", "b"], 2, {"check": {**SCRIPT["check"], "cases": [
+                {**SCRIPT["check"]["cases"][0], "steps": 3}]}}))
+    )  # fmt: skip
+    changes = list_changes(load(write("one", old)), load(write("two", new, joint="k", starter="def f(): pass\n")))
+    edits = {change.part: {one.path: (one.old, one.new) for one in change.edits} for change in changes}
+    words = " ".join(f"word{n}" for n in range(24, 30)), " ".join(f"word{n}" for n in range(31, 37))
+    assert edits["n"] == {
+        "attempts": ("3", "nothing"),
+        "q": (f"… {words[0]} word30 {words[1]} …", f"… {words[0]} other {words[1]} …"),
+    }
+    assert edits["c"] == {"options › no. 2": ("nothing", "c"), "answer": ("0, “a”", "2, “b”")}
+    assert edits["s"]["check › cases › a › steps"] == ("2", "3")
+    assert edits["s"]["starter"] == ("def f(): ...", "def f(): pass")
+    assert "name='j'" in edits["s"]["models › one"][0] and "name='k'" in edits["s"]["models › one"][1]
+
+
+def test_of_drawn_numbers_the_names_are_compared(write: Write) -> None:
+    drawn = {**NUMBER, "q": "Twice {n}?", "draw": {"n": [1, 9]}, "answer": 10.0,
+             "verify": {"by": "expression", "expr": "2 * {n}"}}  # fmt: skip
+    old, new = ({**QUIZ, "questions": [drawn | more, CHOICE]} for more in ({}, {"q": "What is twice {n}?"}))
+    (change,) = list_changes(load(write("one", old)), load(write("two", new)))
+    assert (change.keys, change.is_silent) == (("q",), True)
+    assert change.edits == (("q", "Twice {n}?", "What is twice {n}?"),)
+
+
 def test_models_and_starters_belong_to_the_questions_that_name_them(write: Write) -> None:
     quiz = {**QUIZ, "questions": [NUMBER, SCRIPT]}
     before = load(write("one", quiz))
@@ -97,3 +128,5 @@ def test_the_texts_of_lessons_come_change_and_go(write: Write) -> None:
     without, with_text, other = map(load, folders.values())
     for before, after, how in ((without, with_text, ADDED), (with_text, other, CHANGED), (other, without, REMOVED)):
         assert list_changes(before, after) == [Change("", "", how, lesson="2")]
+    (change,) = list_changes(with_text, other)
+    assert change.edits == (("text › no. 1", "<p>Falling.</p>", "<p>Rising.</p>"),)

@@ -4,12 +4,13 @@ A class of the command `grader demo` is looked at, with the real judge behind it
 import json
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import httpx
 import pytest
 from playwright.sync_api import Page, expect
-from sqlalchemy import select
+from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from grader.courses.people.identity import Role
@@ -18,6 +19,7 @@ from grader.service.accounts import in_database
 from grader.service.demo import fill_demo
 from grader.settings import Settings
 from grader.store import submissions
+from grader.store.engine.ids import new_id
 from grader.store.line_comments import LineComment, TriedCopy
 from grader.store.tables import Member, Submission, VerdictRow, now
 from web.browsing import LYING_ON_OTHERS, Chromium, findings, service
@@ -185,6 +187,42 @@ def test_slides_name_nobody_and_are_a_page_each(desk: Page, settings: Settings) 
     assert len(re.findall(rb"/Type /Page\b", desk.pdf(format="A4", landscape=True))) == slides
 
 
+def test_slides_are_shown_on_the_full_screen_by_keys_and_by_buttons(
+    browser: Chromium, origin: str, settings: Settings
+) -> None:
+    desk = enter(browser, origin, settings, "instructor", Role.INSTRUCTOR, scripts=True)
+    desk.goto(f"{CLASS}/slides")
+    slides, shown = desk.locator(".slide"), desk.locator(".slide:visible")
+    count = slides.count()
+    desk.get_by_role("button", name="Full screen").click()
+    expect(desk.locator(".slides:fullscreen")).to_have_count(1)
+    expect(shown).to_have_count(1)
+    for key, place in (("ArrowRight", 1), ("ArrowLeft", 0), ("ArrowLeft", 0), ("PageDown", 1), ("PageUp", 0),
+                       ("End", count - 1), ("ArrowRight", count - 1), ("Home", 0), (" ", 1)):  # fmt: skip
+        desk.keyboard.press(key)
+        expect(shown).to_have_attribute("id", f"slide-{place + 1}")
+        expect(shown).to_be_focused()
+    size = desk.viewport_size
+    assert size is not None
+    box = shown.bounding_box()
+    assert box is not None
+    assert box["width"] == size["width"]
+    assert float(shown.evaluate("one => parseFloat(getComputedStyle(one).fontSize)")) > 20
+    assert findings(desk) == []
+    desk.get_by_role("button", name="Previous").click()
+    expect(shown).to_have_attribute("id", "slide-1")
+    desk.keyboard.press("Escape")
+    expect(shown).to_have_count(count)
+    expect(desk.locator(":fullscreen")).to_have_count(0)
+    expect(desk.get_by_role("button", name="Full screen")).to_be_focused()
+
+    desk.evaluate("() => { Element.prototype.requestFullscreen = () => Promise.reject(new TypeError()) }")
+    desk.get_by_role("button", name="Full screen").click()
+    expect(shown).to_have_count(1)
+    desk.get_by_role("button", name="Leave").click()
+    expect(shown).to_have_count(count)
+
+
 def test_a_comment_stands_below_its_line_and_changes_no_points(
     desk: Page, browser: Chromium, origin: str, settings: Settings
 ) -> None:
@@ -217,6 +255,50 @@ def test_a_comment_stands_below_its_line_and_changes_no_points(
     page.reload()
     expect(page.locator(".line-comments")).to_have_count(0)
     expect(page.locator("#attempts")).not_to_contain_text("comment")
+
+
+def test_a_comment_on_an_earlier_attempt_is_told_where_the_learner_goes_on(
+    desk: Page, browser: Chromium, origin: str, settings: Settings
+) -> None:
+    question = (Submission.quiz == "1.3-exercises", Submission.question == "servo-threshold", Submission.attempt == 1)
+    tried = select(Submission.user).where(Submission.question == "servo-threshold", Submission.attempt > 1)
+    first = select(Submission.id, Submission.user).where(*question, Submission.user.in_(tried)).limit(1)
+    script, name = in_database(settings, lambda session: tuple(session.execute(first).one()))
+    desk.goto(f"/instructor/review/{script}?which=submissions")
+    desk.get_by_role("spinbutton", name="Line;").fill("1")
+    desk.get_by_label("Comment, which").fill("Here it begins.")
+    desk.get_by_role("button", name="Write the comment").click()
+
+    page = enter(browser, origin, settings, name, Role.STUDENT)
+    page.goto("/lessons/1.3")
+    told = page.locator("article", has=page.locator("a[href$=servo-threshold]")).get_by_role(
+        "link", name="A comment on"
+    )
+    expect(told).to_contain_text("A comment on your attempt of ")
+    told.click()
+    expect(page.locator(".line-comments")).to_contain_text("Here it begins.")
+    expect(page.locator("#attempts [aria-current]")).to_contain_text("attempt 1")
+    with fill_with_attempts(settings, script, 13):  # more than the page lists
+        page.reload()
+        expect(page.locator(".line-comments")).to_contain_text("Here it begins.")
+    desk.locator(".line-comment").get_by_role("button", name="Delete").click()
+    page.goto("/lessons/1.3")
+    expect(told).to_have_count(0)
+
+
+@contextmanager
+def fill_with_attempts(settings: Settings, script: str, count: int) -> Iterator[None]:
+    """The learner hands in the same script several times more."""
+    ids = [new_id() for _ in range(count)]
+
+    def insert(session: Session) -> None:
+        row = session.execute(select(*Submission.__table__.columns).where(Submission.id == script)).one()
+        columns = {name: value for name, value in row._asdict().items() if name != "idempotency_key"}
+        session.add_all(Submission(**columns | {"id": one, "attempt": 100 + n}) for n, one in enumerate(ids))
+
+    in_database(settings, insert)
+    yield
+    in_database(settings, lambda session: session.execute(delete(Submission).where(Submission.id.in_(ids))))
 
 
 def test_a_changed_copy_is_judged_and_the_submission_stays(desk: Page, settings: Settings) -> None:

@@ -8,33 +8,40 @@ from typing import Any
 import pytest
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 
-from web.browsing import Chromium, findings, service, settings_in
+from grader.settings import Settings
+from web.browsing import Chromium, findings, service
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.jail]
 
 expect.set_options(timeout=30_000)
 
-REFERENCES = Path(__file__).parents[2] / "reference_solutions" / "1.3-exercises"
+REFERENCES = Path(__file__).parents[2] / "reference_solutions"
 SERVO, STEP = "/quizzes/1.3-exercises/servo-threshold", "/quizzes/1.3-exercises/rk4-step"
-SCRIPTS = {SERVO: "incorrect__returns_the_bound.py", STEP: "incorrect__stages_half_as_far.py"}
+CART = "/quizzes/3.1-exercises/cart-pole"
+SCRIPTS = {
+    SERVO: "incorrect__returns_the_bound.py",
+    STEP: "incorrect__stages_half_as_far.py",
+    CART: "partial__forgets_the_cart.py",
+}
 LATER = "at => parseFloat(document.querySelector('[data-film] [data-clock]').textContent) > at"
 PICTURE = "canvas => canvas.toDataURL()"
 
 
 @pytest.fixture(scope="module")
 def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    with service(settings_in(tmp_path_factory.mktemp("data"))) as origin:
+    settings = Settings(data=tmp_path_factory.mktemp("data"), content=REFERENCES.parent, workers=1)
+    with service(settings) as origin:
         yield origin
 
 
 @pytest.fixture(scope="module")
 def state(origin: str, browser: Chromium) -> Any:
-    """The cookies of a learner who has handed in a wrong script at both exercises."""
+    """The cookies of a learner who has handed in a wrong script at each exercise."""
     context = browser.new_context(base_url=origin)
     page = context.new_page()
     for path, name in SCRIPTS.items():
         page.goto(path)
-        source = (REFERENCES / path.rsplit("/", 1)[1] / name).read_text(encoding="utf-8")
+        source = (REFERENCES / path.removeprefix("/quizzes/") / name).read_text(encoding="utf-8")
         page.locator("textarea.code").fill(source)
         page.get_by_role("button", name="Run and judge").click()
         expect(page.locator("#result .verdict")).to_be_visible()
@@ -66,6 +73,22 @@ def film_of(page: Page, path: str) -> Locator:
 
 def seconds(film: Locator) -> float:
     return float(film.locator("[data-clock]").inner_text().removesuffix(" s"))
+
+
+def test_what_a_controller_did_plays_case_by_case(browser: Chromium, origin: str, state: Any) -> None:
+    context, page, complaints = open_page(browser, origin, state)
+    film = film_of(page, CART)
+    choice = film.get_by_label("show")
+    cases = ["A pole that leans by 0.1 rad", "A cart away from home"]
+    assert choice.locator("option").all_inner_texts() == cases
+    film.locator(".runs").scroll_into_view_if_needed()
+    page.wait_for_function(LATER, arg=0.2)
+    choice.select_option(cases[1])
+    expect(film.locator("[data-message]")).to_have_text(f"{cases[1]}: simulated to its end.")
+    film.get_by_label("Time in the runs").fill("0")
+    expect(film.locator(".run")).to_contain_text("0.4 m")  # where the cart begins
+    assert complaints == []
+    context.close()
 
 
 def test_three_runs_play_on_one_clock_and_pause(browser: Chromium, origin: str, state: Any) -> None:
@@ -184,7 +207,7 @@ def test_nothing_of_a_film_is_fetched_with_the_page(browser: Chromium, origin: s
 def test_a_claim_is_dragged_along_its_axis_once_the_limits_are_shown(browser: Chromium, origin: str) -> None:
     context, page, complaints = open_page(browser, origin, None, reduced_motion="reduce")
     page.goto(SERVO)
-    source = (REFERENCES / "servo-threshold/correct__spectral_radius.py").read_text(encoding="utf-8")
+    source = (REFERENCES / "1.3-exercises/servo-threshold/correct__spectral_radius.py").read_text(encoding="utf-8")
     page.locator("textarea.code").fill(source)
     page.get_by_role("button", name="Run and judge").click()
     expect(page.locator("#result .verdict")).to_be_visible()

@@ -292,11 +292,30 @@ def test_an_extension_is_given_refused_and_taken_back(site: Site, tina: httpx.Cl
     told = words(page(tina, f"{address}?quiz=2-graded"))
     assert "ann Thu 3 Feb 2101, 04:05 UTC – 2 tina" in told
     assert tina.get(f"{API}/quizzes/2-graded/extensions").json()["items"][0]["attempts"] == 2
-    assert "ann: has no extension any more" in words(tina.post(address, data=form).text)
+    early = words(tina.post(address, data={**given, "due": "2099-12-31T00:00"}).text)
+    assert "due Thu 31 Dec 2099, 00:00 UTC changes nothing: the quiz itself has Fri 1 Jan 2100, 00:00 UTC ." in early
+    empty = tina.post(address, data=form)
+    assert (empty.status_code, "Give a date or further attempts." in empty.text) == (422, True)
+    assert "2 further attempts" in early and "2 tina" in words(page(tina, f"{address}?quiz=2-graded"))
+    assert "ann: has no extension any more" in words(tina.post(address, data={**form, "back": "yes"}).text)
     assert "None." in words(page(tina, f"{address}?quiz=2-graded"))
     assert browser(site, "ann").post(address, data=given).status_code == 403
     refused = tina.post(address, data={**given, "learner-" + "0" * 32: "yes"})
     assert (refused.status_code, "no learner of this course any more" in refused.text) == (422, True)
+
+
+def test_an_exercise_that_is_closed_says_so_beside_a_button_that_is_off(site: Site, tina: httpx.Client) -> None:
+    ann, path, policy = browser(site, "ann"), "/quizzes/3-scripts/rk4-step", f"{API}/quizzes/3-scripts/policy"
+    off = '<button class="push" disabled>Run and judge</button>'
+    assert off not in page(ann, path)
+    etag = tina.get(policy).headers["etag"]
+    closed = tina.put(policy, json={"due": "2020-01-01T00:00Z"}, headers={"If-Match": etag})
+    assert closed.status_code == 200, closed.text
+    shown = page(ann, path)
+    assert off in shown
+    assert "This quiz closed on 1 Jan 2020, 00:00 UTC" in words(shown.partition('id="trouble"')[2])
+    etag = tina.get(policy).headers["etag"]
+    assert tina.put(policy, json={}, headers={"If-Match": etag}).status_code == 200
 
 
 def test_several_learners_get_an_extension_at_once_or_none_does(site: Site, tina: httpx.Client) -> None:
@@ -390,10 +409,11 @@ def test_a_draft_is_read_previewed_and_published_as_it_was_seen(site: Site, tina
     path.write_text(json.dumps({**GRADED, "questions": [{**which, "answer": 0}, {**why, "q": "Why not?"}, LENGTH]}))
     seen = page(tina, DRAFT)
     told = words(seen)
-    assert "Which? 2-graded which changed answer 1 learner has answered: their verdicts stay until you regrade" in told
-    assert "2-graded why changed q Nobody has answered it yet." in told
+    assert "Which? 2-graded which changed which › answer: before: 1, “b” → now: 0, “a” 1 learner has" in told
+    assert "their verdicts stay until you regrade" in told
+    assert "2-graded why changed why › q: before: Why? → now: Why not? Nobody has answered it yet." in told
     assert "2-graded length added Learners see it once it is published." in told
-    assert "After that regrade 2-graded" in told
+    assert "leads to the regrade of 2-graded/which, which shows" in told
     shown = page(tina, f"{DRAFT}/2-graded/length")
     assert "How long is six?" in shown and "certified" in shown and "method=" not in shown.partition("<main")[2]
     assert "6 Correct" in words(page(tina, f"{DRAFT}/2-graded/length?state=right"))
@@ -408,8 +428,12 @@ def test_a_draft_is_read_previewed_and_published_as_it_was_seen(site: Site, tina
     path.write_text(json.dumps({**GRADED, "questions": [which, {**why, "q": "Why not?"}]}))
     seen = page(tina, DRAFT)
     assert "remarks" not in words(seen)
-    published = tina.post(DRAFT, data={"revision": revision_in(seen)}, follow_redirects=True)
+    form = {"revision": revision_in(seen), "regrade": "2-graded/which,2-graded/gone"}
+    published = tina.post(DRAFT, data=form, follow_redirects=True)
     assert "Published: learners have this content from now on." in words(published.text)
+    assert published.text.count('href="/instructor/regrades?what=') == 1
+    chosen = page(tina, "/instructor/regrades?what=2-graded/which")
+    assert re.findall(r'<option value="([^"]+)" selected>', chosen)[0] == "2-graded/which"
     assert "Why not?" in json.dumps(tina.get(f"{API}/quizzes/2-graded").json())
     assert "nothing to publish" in words(page(tina, DRAFT))
     assert any(one["action"] == "content reloaded" for one in tina.get(f"{API}/audit").json()["items"])

@@ -141,6 +141,36 @@ def test_partners_are_dragged_and_chosen(page: Page) -> None:
     assert send(page, "units") == "correct"
 
 
+def test_the_page_goes_on_while_a_partner_is_dragged_to_a_row_below_the_screen(page: Page) -> None:
+    opened(page)
+    page.set_viewport_size({"width": 390, "height": 420})
+    units = card(page, "units")
+    last, grip = units.locator(".pair").last, units.locator("[data-right] [data-grip]").first
+    grip.evaluate("one => one.scrollIntoView({ block: 'center', behavior: 'instant' })")
+    at = grip.bounding_box()
+    assert at is not None
+    assert page.evaluate("one => one.getBoundingClientRect().top > innerHeight", last.element_handle())
+    page.mouse.move(at["x"] + 8, at["y"] + 8)
+    page.mouse.down()
+    page.mouse.move(at["x"] + 20, 400, steps=4)
+    for _ in range(100):
+        top = last.evaluate("one => one.getBoundingClientRect().top")
+        if top < 280:
+            break
+        page.wait_for_timeout(50)
+    page.mouse.move(at["x"] + 20, top + 20, steps=2)
+    page.mouse.up()
+    assert [box.input_value() != "" for box in units.locator("select").all()] == [False, False, False, True]
+
+
+def test_a_formula_is_told_without_its_dollars(page: Page) -> None:
+    opened(page)
+    for row in range(4):
+        card(page, "units").locator("select").nth(row).select_option(index=1)
+    send(page, "units")
+    expect(card(page, "units").locator("[data-said]")).to_contain_text('"stiffness k"')
+
+
 def test_what_is_dropped_beside_the_rows_is_given_to_none(page: Page) -> None:
     opened(page)
     drag(page, card(page, "units").locator("[data-right]").first, card(page, "units").locator("h3"))
@@ -214,6 +244,7 @@ def test_without_javascript_every_kind_is_answered(site: Site, browser: Chromium
     page.goto("/?quiz=parts")
     card(page, "arrays").get_by_role("button").click()
     expect(card(page, "arrays").locator("[data-trouble]")).to_contain_text("Choose at least one")
+    expect(card(page, "arrays").locator("[data-trouble]")).to_be_in_viewport()
     for box in (0, 2, 3):
         card(page, "arrays").get_by_role("checkbox").nth(box).check()
     assert send(page, "arrays") == "correct"
@@ -231,6 +262,7 @@ def test_without_javascript_every_kind_is_answered(site: Site, browser: Chromium
     card(page, "cart").get_by_label("Angular").fill("15.8")
     card(page, "cart").get_by_role("button").click()
     expect(card(page, "cart").locator("[data-trouble]")).to_contain_text("Largest stable timestep under Euler: type a")
+    expect(card(page, "cart").locator("[data-trouble]")).to_be_in_viewport()
     expect(card(page, "cart").get_by_label("Angular")).to_have_value("15.8")
     card(page, "cart").get_by_label("Largest").fill("122.5 s")
     assert send(page, "cart") == "partial"

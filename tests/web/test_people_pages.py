@@ -6,11 +6,13 @@ from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
+from sqlalchemy.orm import Session
 
 from grader.courses.people.identity import Role
 from grader.courses.people.sign_in import create_sign_in_code
 from grader.service.accounts import in_database
 from grader.settings import Settings
+from grader.store.tables import Member
 from support.sites import Site, open_site, write_content
 from web.browsing import Chromium
 
@@ -192,3 +194,53 @@ def test_a_course_is_made_and_entered_by_forms(desk: Page) -> None:
     desk.goto("/instructor/courses")
     desk.get_by_role("button", name="Switch to default").click()
     expect(desk.locator(".brand")).to_have_text("MuJoCo course")
+
+
+def test_members_are_found_by_name_address_and_role_and_stay_in_sight_after_a_change(
+    site: Site, browser: Chromium
+) -> None:
+    def fill(session: Session) -> None:
+        many = [Member(course="fjord", name=f"Learner {n:04d}", role="student") for n in range(110)]
+        many += [Member(course="fjord", name="Zoë Ødegård", role="student", email="z.o@fjord.example")]
+        session.add_all(many)
+
+    in_database(site.settings, fill)
+    code = in_database(site.settings, lambda session: create_sign_in_code(session, "rita", Role.INSTRUCTOR, "fjord"))
+    page = browser.new_context(base_url=site.origin, java_script_enabled=False).new_page()
+    page.goto(f"/signin?code={code}")
+    page.get_by_role("button", name="Sign in").click()
+    page.goto(PEOPLE)
+    names, told = page.locator("[data-list=members] th"), page.locator("p.meta[role=status]")
+    expect(told).to_have_text("1 to 50 of 112 members")
+
+    for typed, found in (("ZOE", "Zoë Ødegård"), ("fjord.EXAMPLE", "Zoë Ødegård"), ("r 0107", "Learner 0107")):
+        page.get_by_label("Name or e-mail address").fill(typed)
+        page.get_by_role("button", name="Show", exact=True).click()
+        expect(names).to_have_text([found])
+        expect(told).to_have_text("1 of 112 members")
+    change(page.locator("[data-list=members] tr"))
+    page.get_by_role("button", name="New link for Learner 0107").click()
+    expect(page.get_by_label("Learner 0107", exact=True)).to_be_visible()
+    expect(names).to_have_text(["Learner 0107"])
+
+    page.get_by_label("Name or e-mail address").fill("learner")
+    page.get_by_role("button", name="Show", exact=True).click()
+    for first, more in (("Learner 0000", "More"), ("Learner 0050", "More"), ("Learner 0100", "From the beginning")):
+        expect(names.first).to_have_text(first)
+        page.get_by_role("link", name=more).click()
+    page.get_by_role("link", name="More").click()
+    change(page.locator("[data-list=members] tr").first)
+    page.locator("summary", has_text="Remove").first.click()
+    page.get_by_role("button", name="Remove from the course Learner 0050").click()
+    expect(names.first).to_have_text("Learner 0051")
+    expect(told).to_have_text("51 to 100 of 109 of 111 members")
+
+    page.get_by_role("link", name="Show all").click()
+    page.get_by_label("Role").select_option("instructors")
+    page.get_by_role("button", name="Show", exact=True).click()
+    expect(names).to_have_text(["rita"])
+    page.get_by_label("Name or e-mail address").fill("50%")
+    page.get_by_role("button", name="Show", exact=True).click()
+    expect(page.locator("[data-list=members]")).to_contain_text("Nobody among the instructors has “50%”")
+    page.goto(f"{PEOPLE}?role=pirates&find=&start=900")
+    expect(told).to_have_text("111 members")

@@ -2,8 +2,13 @@
 
 import html
 import re
+import unicodedata
+from functools import lru_cache
 
 import nh3
+
+FORMULA = re.compile(r"\$([^$]*)\$")
+GREEK = re.compile(r"\\([A-Za-z][a-z]+)(?![A-Za-z])")
 
 LONE_BRACKET = re.compile(r"<(?!/?[A-Za-z][^<>$]*>|!--)")
 """A `<` that opens no tag. A tag holds no dollar sign: `$a<b$ and $c>d$` is TeX."""
@@ -14,6 +19,27 @@ def plain_text(markup: str) -> str:
     fragment as HTML5, in time quadratic in the depth of its nesting. Half a surrogate pair becomes a question mark."""
     fragment = LONE_BRACKET.sub("&lt;", markup).encode(errors="replace").decode()
     return " ".join(html.unescape(nh3.clean(fragment, tags=set(), link_rel=None)).split())
+
+
+@lru_cache(maxsize=2048)
+def spoken_text(markup: str) -> str:
+    """Returns an HTML fragment as plain text, its formulas without dollars where they are plain text as well.
+    Kept, since parsing HTML takes long."""
+    return FORMULA.sub(lambda found: found[0] if "\\" in (told := spell_formula(found)) else told, plain_text(markup))
+
+
+def spell_formula(formula: re.Match[str]) -> str:
+    """Returns a formula of TeX as plain text: Greek letters in place of their commands, no braces."""
+    return GREEK.sub(spell_letter, re.sub(r"[{}]", "", formula[1]))
+
+
+def spell_letter(command: re.Match[str]) -> str:
+    """Returns the Greek letter of a command of TeX; any other command as it is."""
+    name = command[1].replace("lambda", "lamda").replace("Lambda", "Lamda")  # as Unicode spells it
+    try:
+        return unicodedata.lookup(f"GREEK {'SMALL' if name.islower() else 'CAPITAL'} LETTER {name}")
+    except KeyError:
+        return command[0]
 
 
 def quoted(text: str) -> str:

@@ -1,14 +1,18 @@
 """What a content folder changes, question by question, beside the content that is in use."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from grader.library.checking.semantics import named_models
+from grader.library.edits import Edit, join_path, list_edits
+from grader.library.lesson_text import Heading, LessonText, Placed
 from grader.library.snapshot import Library
-from grader.questions import Question, Quiz
+from grader.questions import Question, Quiz, kind_of
 
 ADDED, REMOVED, CHANGED = "added", "removed", "changed"
+ORDER = "order of the questions"
 
 SILENT = frozenset({"q", "title", "label", "explain", "whys", "reference", "sim", "starter"})
 """Keys of a question whose change alters no verdict: texts, and what is shown beside them."""
@@ -19,7 +23,7 @@ class Change:
     """What happens to a question or lab, or to a whole quiz or the text of a lesson where `part` is empty: one of
     ADDED, REMOVED and CHANGED. `quiz` is empty for the text of a lesson, which `lesson` names.
     `keys` are the author's keys that differ, with `models` and `programs` for files of theirs. `is_silent`: no verdict
-    can differ."""
+    can differ. `edits` are the old and new values of what is changed."""
 
     quiz: str
     part: str
@@ -27,6 +31,7 @@ class Change:
     keys: tuple[str, ...] = ()
     is_question: bool = True
     lesson: str = ""
+    edits: tuple[Edit, ...] = field(default=(), compare=False)
 
     @property
     def is_silent(self) -> bool:
@@ -47,8 +52,22 @@ def list_changes(before: Library, after: Library) -> list[Change]:
 def _compare_lessons(before: Library, after: Library) -> Iterator[Change]:
     for lesson in {**after.lessons, **before.lessons}:
         old, new = before.lessons.get(lesson), after.lessons.get(lesson)
-        if old != new:
-            yield Change("", "", ADDED if old is None else REMOVED if new is None else CHANGED, lesson=lesson)
+        if old is None or new is None:
+            yield Change("", "", ADDED if old is None else REMOVED, lesson=lesson)
+        elif old != new:
+            edits = tuple(list_edits(_dump_lesson(old), _dump_lesson(new)))
+            yield Change("", "", CHANGED, lesson=lesson, edits=edits)
+
+
+def _dump_lesson(lesson: LessonText) -> dict[str, Any]:
+    """Returns the text of a lesson, paragraph by paragraph."""
+    text: list[str] = []
+    for part in lesson.parts:
+        if isinstance(part, Placed):
+            text.append(f"{part.quiz} {part.lab}".strip())
+        else:
+            text += [part.html] if isinstance(part, Heading) else part.blocks
+    return {"title": lesson.title, "text": text, "source": lesson.source}
 
 
 def _compare_quiz(quiz: Quiz, before: Library, after: Library) -> Iterator[Change]:
@@ -59,11 +78,13 @@ def _compare_quiz(quiz: Quiz, before: Library, after: Library) -> Iterator[Chang
     if before.digests.get(quiz.id) == after.digests.get(quiz.id):
         return
     own = _differing(_dump_own(old), _dump_own(quiz))
+    edits = tuple(list_edits(_dump_own(old), _dump_own(quiz)))
     ids, olds = ([part.id for part in one.questions] for one in (quiz, old))
     if ids != olds and set(ids) == set(olds):
-        own = (*own, "order of the questions")
+        own = (*own, ORDER)
+        edits = (*edits, Edit(ORDER, ", ".join(olds), ", ".join(ids)))
     if own:
-        yield Change(quiz.id, "", CHANGED, own)
+        yield Change(quiz.id, "", CHANGED, own, edits=edits)
     for parts, before_parts, is_question in ((quiz.questions, old.questions, True), (quiz.labs, old.labs, False)):
         yield from _compare_parts(quiz.id, before_parts, parts, before, after, is_question=is_question)
 
@@ -76,11 +97,15 @@ def _compare_parts(
         old = known.pop(part.id, None)
         if old is None:
             yield Change(quiz, part.id, ADDED, is_question=is_question)
-        elif keys := (
-            *_differing(old.model_dump(mode="json"), part.model_dump(mode="json")),
-            *_differing_files(old, part, before, after),
-        ):
-            yield Change(quiz, part.id, CHANGED, keys, is_question)
+            continue
+        was, now = _dump_part(old), _dump_part(part)
+        keys, files = _differing(was, now), tuple(_differing_files(old, part, before, after))
+        if keys or files:
+            olds_shown, shown = (
+                {key: _show_options(one, dump, key) for key in keys} for one, dump in ((old, was), (part, now))
+            )
+            edits = (*list_edits(olds_shown, shown), *(edit for _, some in files for edit in some))
+            yield Change(quiz, part.id, CHANGED, (*keys, *(key for key, _ in files)), is_question, edits=edits)
     yield from (Change(quiz, part, REMOVED, is_question=is_question) for part in known)
 
 
@@ -89,19 +114,43 @@ def _dump_own(quiz: Quiz) -> dict[str, Any]:
     return quiz.model_dump(mode="json", exclude={"questions", "labs"})
 
 
+def _dump_part(part: Any) -> dict[str, Any]:
+    """Returns what an author says of a question or lab; of drawn numbers the names, in place of the middle."""
+    dump: dict[str, Any] = part.model_dump(mode="json")
+    template = dump.pop("template", "")
+    return dump | (json.loads(template) if template else {})
+
+
+def _show_options(part: Any, dump: Mapping[str, Any], key: str) -> Any:
+    """Returns a value of a question; a key that names one of its options with the option's text."""
+    value = dump.get(key)
+    options = kind_of(part).options(part) if key == "answer" and isinstance(part, Question) else ()
+    if isinstance(value, int) and value < len(options):
+        return f"{value}, “{options[value].text}”"
+    return value
+
+
 def _differing(old: Mapping[str, Any], new: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(name for name in {**old, **new} if old.get(name) != new.get(name))
 
 
-def _differing_files(old: Any, part: Any, before: Library, after: Library) -> Iterator[str]:
-    """Yields which files of a question or lab differ: its starter, the models and programs that it names."""
+def _differing_files(old: Any, part: Any, before: Library, after: Library) -> Iterator[tuple[str, list[Edit]]]:
+    """Yields which files of a question or lab differ, with what differs in them: its starter, the models and programs
+    that it names."""
     if isinstance(part, Question) and before.starter(old) != after.starter(part):
-        yield "starter"
+        yield "starter", list(list_edits(before.starter(old), after.starter(part), "starter"))
     dumped = part.model_dump()
-    if any(before.models.get(name) != after.models.get(name) for _, name in named_models(dumped, "")):
-        yield "models"
-    if any(before.texts.get(text) != after.texts.get(text) for text in _list_texts(dumped)):
-        yield "programs"
+    named = [name for _, name in named_models(dumped, "")]
+    if models := _compare_texts("models", named, before.models, after.models):
+        yield "models", models
+    if programs := _compare_texts("programs", _list_texts(dumped), before.texts, after.texts):
+        yield "programs", programs
+
+
+def _compare_texts(key: str, names: Iterable[str], olds: Mapping[str, str], news: Mapping[str, str]) -> list[Edit]:
+    """Returns what differs in the files of these names."""
+    each = (list_edits(olds.get(name), news.get(name), join_path(key, name)) for name in dict.fromkeys(names))
+    return [edit for some in each for edit in some]
 
 
 def _list_texts(value: Any) -> Iterator[str]:

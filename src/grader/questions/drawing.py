@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from math import floor, log10
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, BaseModel, Field, model_validator
+from pydantic import AfterValidator, BaseModel, Field, PrivateAttr, model_validator
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import PydanticCustomError
 
@@ -55,6 +55,7 @@ class Drawable(BaseModel):
         Field(max_length=DRAWS_MAX), AfterValidator(_check_ranges),
     ] = Field(default_factory=dict)  # fmt: skip
     template: SkipJsonSchema[str] = Field(default="", repr=False, max_length=TEMPLATE_MAX)
+    _is_posed: bool = PrivateAttr(default=False)
 
     @model_validator(mode="after")
     def _shows_every_number(self) -> Self:
@@ -75,7 +76,14 @@ class Drawable(BaseModel):
             for step in filter(None, place.split(".")):
                 at = at[int(step)] if step.isdigit() else at[step]
             at["answer"] = answer
-        return self.model_validate_json(json.dumps(raw), strict=True)
+        posed = self.model_validate_json(json.dumps(raw), strict=True)
+        posed._is_posed = True
+        return posed
+
+    @property
+    def is_posed(self) -> bool:
+        """Whether it has the numbers of a learner."""
+        return self._is_posed
 
 
 def is_drawn(question: BaseModel) -> bool:

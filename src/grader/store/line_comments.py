@@ -1,9 +1,10 @@
 """What instructors write to lines of scripts: the table and every query on it. It changes no verdict and no points."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from datetime import datetime
+from typing import NamedTuple
 
-from sqlalchemy import ForeignKey, Index, String, Text, select
+from sqlalchemy import ForeignKey, Index, String, Text, func, select
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from grader.store.engine.ids import new_id
@@ -51,6 +52,24 @@ def on_submissions(session: Session, ids: Iterable[str]) -> dict[str, list[LineC
     for one in session.scalars(wanted.order_by(*BY_LINE)):
         found.setdefault(one.submission_id, []).append(one)
     return found
+
+
+class Commented(NamedTuple):
+    """An attempt with comments, and how many."""
+
+    quiz: str
+    question: str
+    submission: str
+    at: datetime
+    comments: int
+
+
+def of_learner(session: Session, course: str, learner: str) -> Sequence[Commented]:
+    """The attempts of a learner that have comments, the newest first."""
+    columns = (Submission.quiz, Submission.question, Submission.id, Submission.created_at)
+    counted = select(*columns, func.count()).join(LineComment, LineComment.submission_id == Submission.id)
+    theirs = counted.where(Submission.course == course, Submission.learner == learner).group_by(*columns)
+    return [Commented(*row) for row in session.execute(theirs.order_by(Submission.id.desc()))]
 
 
 def find(session: Session, comment_id: str, course: str) -> LineComment | None:

@@ -1,9 +1,10 @@
 """Every query on the members of courses."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import delete, exists, func, select
+from sqlalchemy import ColumnElement, delete, exists, func, or_, select
 from sqlalchemy.orm import Session
 
 from grader.store.engine.names import Folded, holds
@@ -77,10 +78,38 @@ def count_learners(session: Session, courses: Iterable[str]) -> dict[str, int]:
     return {row[0]: row[1] for row in session.execute(counts)}
 
 
-def by_name(session: Session, course: str, start: int, limit: int) -> Sequence[Member]:
-    """At most `limit` members in the order of their names, after the first `start`; removed ones are left out."""
-    wanted = select(Member).where(Member.course == course, Member.removed_at.is_(None))
-    return session.scalars(wanted.order_by(Folded(Member.name), Member.id).offset(start).limit(limit)).all()
+@dataclass(frozen=True)
+class MemberFilter:
+    """Which members of a course: whose name or e-mail address holds the text `find`, and who have this role. Empty
+    means all."""
+
+    find: str = ""
+    role: str = ""
+
+    def select_in(self, course: str) -> list[ColumnElement[bool]]:
+        """Returns the conditions on the members of a course; removed ones are left out."""
+        here = [Member.course == course, Member.removed_at.is_(None)]
+        if self.find:
+            here.append(or_(holds(Member.name, self.find), holds(func.coalesce(Member.email, ""), self.find)))
+        if self.role:
+            here.append(Member.role == self.role)
+        return here
+
+
+ALL_MEMBERS = MemberFilter()
+
+
+def by_name(
+    session: Session, course: str, start: int, limit: int, wanted: MemberFilter = ALL_MEMBERS
+) -> Sequence[Member]:
+    """At most `limit` members in the order of their names, after the first `start`."""
+    rows = select(Member).where(*wanted.select_in(course)).order_by(Folded(Member.name), Member.id)
+    return session.scalars(rows.offset(start).limit(limit)).all()
+
+
+def count(session: Session, course: str, wanted: MemberFilter = ALL_MEMBERS) -> int:
+    """Says how many members of a course there are."""
+    return session.scalar(select(func.count()).select_from(Member).where(*wanted.select_in(course))) or 0
 
 
 def bearers(session: Session, course: str, name: str) -> int:

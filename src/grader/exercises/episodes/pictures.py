@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from grader.exercises.episodes.films import choose_episode, keep_film
 from grader.exercises.episodes.judge import Outcome
 from grader.exercises.episodes.parameters import EpisodesParameters, Problem
 from grader.exercises.episodes.simulating import Floats, Record
@@ -16,16 +17,15 @@ CONTROLS_MAX = 4
 
 def build_evidence(parameters: EpisodesParameters, visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
     """Returns two charts for each visible case: of its first episode that did not succeed, else of its first. They show
-    what the learner's own controller did, so that they are feedback and no solution."""
+    what the learner's own controller did, so that they are feedback and no solution. The `film` shows it moving."""
     charts = []
     for one in visible:
         outcome = one.judgement.outcome
-        wrong = [i for i, failed in enumerate(outcome.failed) if failed]
-        at = wrong[0] if wrong else 0
+        at = choose_episode(outcome)
         if len(outcome.records[at].time_s):
             title = f", episode {at + 1}" if len(outcome.records) > 1 else ""
             charts += draw_record(parameters, one.trial.id, outcome.records[at], title)
-    return {"motions": charts}
+    return {"motions": charts} | keep_film(visible)
 
 
 def draw_record(parameters: EpisodesParameters, case: str, record: Record, title: str) -> list[dict[str, Any]]:

@@ -1,6 +1,7 @@
 """The draft of a course in the service: what its content folder changes, what the keys say of it, and Publish."""
 
 from typing import Any
+from urllib.parse import urlencode
 
 from fastapi import APIRouter, Request
 from fastapi.responses import RedirectResponse, Response
@@ -12,6 +13,7 @@ from grader.gate.services import AppServices
 from grader.grading.content import Draft, revise
 from grader.library import Library
 from grader.library.changes import ADDED, REMOVED, Change, list_changes
+from grader.library.edits import join_path
 from grader.questions import kind_of
 from grader.store import results
 from grader.web.author.preview import STATES, build_preview, list_samples
@@ -44,7 +46,8 @@ def publish(request: Request, services: AppServices, who: Instructor, form: Form
         return render(request, services, who, str(error) if form.get("revision") else NO_REVISION, 412)
     except ContentError:
         return render(request, services, who, "Nothing was published: mend the faults below.", 422)
-    return RedirectResponse("/instructor/content?loaded=published", 303)
+    told = {"loaded": "published", "regrade": form.get("regrade", "")}
+    return RedirectResponse(f"/instructor/content?{urlencode({name: it for name, it in told.items() if it})}", 303)
 
 
 @router.get(f"{PAGE}/{{quiz_id}}/{{question_id}}")
@@ -83,7 +86,7 @@ def render(request: Request, services: AppServices, who: Instructor, trouble: st
     return page(
         request, "draft.html", status, who=who, draft=draft, rows=rows, trouble=trouble, remarks=remarks,
         is_same=draft.library is not None and draft.revision == revise(now),
-        to_regrade=sorted({row["quiz"] for row in rows if row["regrade"]}),
+        to_regrade=[f"{row['quiz']}/{row['part']}" for row in rows if row["regrade"]],
     )  # fmt: skip
 
 
@@ -103,7 +106,7 @@ def describe_change(change: Change, now: Library, draft: Draft, answered: dict[t
     if change.lesson:
         meaning = "Learners read it on the page of the lesson."
         return {"quiz": f"lessons/{change.lesson}.md", "part": "", "how": change.how, "title": "Text of the lesson",
-                "keys": (), "regrade": False, "meaning": meaning, "address": None}  # fmt: skip
+                "edits": change.edits, "regrade": False, "meaning": meaning, "address": None}  # fmt: skip
     library = now if change.how == REMOVED else draft.library
     learners = answered.get((change.quiz, change.part), 0)
     if not change.part:
@@ -112,7 +115,8 @@ def describe_change(change: Change, now: Library, draft: Draft, answered: dict[t
     if change.part and change.is_question:
         title = list_titles(library)[change.quiz, change.part]
     return {
-        "quiz": change.quiz, "part": change.part, "how": change.how, "title": title, "keys": change.keys,
+        "quiz": change.quiz, "part": change.part, "how": change.how, "title": title,
+        "edits": [one._replace(path=join_path(change.part, one.path)) for one in change.edits],
         "regrade": bool(learners and change.part and change.how not in (ADDED, REMOVED) and not change.is_silent),
         "meaning": describe_meaning(change, learners),
         "address": f"{PAGE}/{change.quiz}/{change.part}"

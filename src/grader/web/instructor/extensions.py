@@ -93,20 +93,24 @@ def describe_policy(policy: Policy) -> dict[str, str]:
 @router.post(PAGE)
 def grant(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
     """Gives the same extension to learners who are ticked or named, to all or none; tells what each has now. Takes it
-    back where nothing is given. Shows the page again with what was typed if it is refused."""
+    back where the form has `back`. Shows the page again with what was typed if it is refused."""
     quiz = form.get("quiz", "")
     library = services.library_for(who)
     library.quiz(quiz)
     try:
         granted = parse_extension(form)
+        if granted == Extension() and "back" not in form:
+            raise Unprocessable("Give a date or further attempts. “Take back” below ends an extension.")
         with services.database.write() as session:
             chosen = choose_learners(form, people.learners(session, who.course), marks := marks_in(session, who.course))
             for learner in sorted(chosen, key=lambda one: one.id):  # in one order, so that two pages never deadlock
                 results.grant(services.database, library, session, learner, quiz, granted=granted, by=who)
             names = [marked(one.name, one.id, marks) for one in chosen]
+            policy = read_policies(session, library, who.course, [quiz])[quiz]
     except Unprocessable as error:
         return render(request, services, who, quiz, 422, trouble=str(error).splitlines(), typed=form)
-    return render(request, services, who, quiz, done=[f"{name}: {describe_extension(granted)}" for name in names])
+    done = [f"{name}: {describe_extension(granted)}" for name in names]
+    return render(request, services, who, quiz, done=done + explain_early(granted, policy))
 
 
 def choose_learners(form: Mapping[str, str], learners: Sequence[Member], marks: Mapping[str, str]) -> list[Member]:
@@ -148,6 +152,17 @@ def describe_extension(granted: Extension) -> str:
         if moment
     ]
     return ", ".join(parts + ([format_count(granted.attempts, "further attempt")] if granted.attempts else []))
+
+
+def explain_early(granted: Extension, policy: Policy) -> list[str]:
+    """Says which dates of an extension change nothing, since those of the quiz are as late."""
+    until = None if policy.late is None else policy.late.until
+    dates = {"due": (granted.due, policy.due), "late until": (granted.until, until)}
+    return [
+        f"{name} {format_day(given)} changes nothing: the quiz itself has {format_day(own)}."
+        for name, (given, own) in dates.items()
+        if given is not None and own is not None and given <= own
+    ]
 
 
 def parse_extension(form: dict[str, str]) -> Extension:

@@ -3,10 +3,12 @@ need no script."""
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import timedelta
 from typing import Annotated, Any, Literal, get_args
+from urllib.parse import urlencode
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
@@ -21,6 +23,7 @@ from grader.errors import CallerError, NotFound, Unauthorized, Unprocessable
 from grader.gate.services import AppServices, Services
 from grader.store import courses, people, platforms
 from grader.store.courses import AuditEntry
+from grader.store.people import MemberFilter
 from grader.store.tables import ROW_ID_MAX, Credential, Member
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import PRIVATE, page
@@ -48,7 +51,35 @@ SUBJECTS = {
 }
 """The actions whose subject in the audit log is the id of something that has a page."""
 
+ROLES = {"": "everyone", Role.STUDENT: "students", Role.INSTRUCTOR: "instructors", Role.SERVICE: "services"}
+"""The roles by which members are shown."""
+
 router = APIRouter(include_in_schema=False)
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Which members the page shows: those of the filter, after the first `start`."""
+
+    wanted: MemberFilter = people.ALL_MEMBERS
+    start: int = 0
+
+    def query(self, start: int) -> str:
+        """Returns the query of the page with these members, after the first `start`."""
+        query = {"find": self.wanted.find, "role": self.wanted.role, "start": start}
+        asked = urlencode({name: value for name, value in query.items() if value})
+        return f"?{asked}" if asked else ""
+
+
+def read_listing(
+    find: Annotated[str, Query(max_length=200)] = "", role: Annotated[str, Query(max_length=20)] = "",
+    start: Annotated[int, Query(ge=0, lt=10**6)] = 0,
+) -> Listing:  # fmt: skip
+    """Reads from the address which members are shown; a role that is not known is none."""
+    return Listing(MemberFilter(find.strip(), role if role in ROLES else ""), start)
+
+
+Listed = Annotated[Listing, Depends(read_listing)]
 
 
 @router.get(PAGE)
@@ -56,31 +87,31 @@ router = APIRouter(include_in_schema=False)
 @router.get(f"{PAGE}/tokens")
 @router.get(f"{PAGE}/audit")
 def show(
-    request: Request, services: AppServices, who: Visitor, *, start: Annotated[int, Query(ge=0, lt=10**6)] = 0,
+    request: Request, services: AppServices, who: Visitor, listed: Listed, *,
     before: Annotated[int | None, Query(ge=1, le=ROW_ID_MAX)] = None,
 ) -> Response:  # fmt: skip
-    """A part of the people of a course: members after the first `start`, links, tokens, audit entries before a number;
-    else how to sign in."""
+    """A part of the people of a course: members, links, tokens, audit entries before a number; else how to sign in."""
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
     named = request.url.path.rpartition("/")[2]
     part: Part = next((one for one in PARTS if one == named), "members")
-    return render(request, services, who, part, start=start, before=before)
+    return render(request, services, who, part, listed=listed, before=before)
 
 
 def render(
-    request: Request, services: Services, who: Identity, part: Part, status: int = 200, *, start: int = 0,
-    before: int | None = None, **more: Any,
+    request: Request, services: Services, who: Identity, part: Part, status: int = 200, *,
+    listed: Listing = Listing(), before: int | None = None, **more: Any,
 ) -> Response:  # fmt: skip
     """Renders a part as it is now, with the outcome of a form: what was `typed`, `links` shown once, a `token`."""
     with services.database.read() as session:
-        members = people.by_name(session, who.course, start, ROWS + 1)
+        members = people.by_name(session, who.course, listed.start, ROWS, listed.wanted)
         entries = courses.audit_page(session, who.course, before, ROWS + 1)
         link = courses.link_of(session, who.course)
         context: dict[str, Any] = {
             "part": part,
-            "members": list_members(session, who, members[:ROWS]),
-            "more_members": start + ROWS if len(members) > ROWS else None,
+            "members": list_members(session, who, members),
+            "count": people.count(session, who.course, listed.wanted),
+            "course_count": people.count(session, who.course),
             "invitations": [
                 tokens.shown(one) for one in invitations.pending(session, who.course) if is_invitation(one)
             ],
@@ -95,7 +126,9 @@ def render(
         "roles": list(Role),
         "scopes": list(Scope),
         "typed": {},
-        "start": start,
+        "listed": listed,
+        "rows": ROWS,
+        "shown_roles": ROLES,
         "is_open": services.sessions.anonymous,
         **SUBJECTS,
     }
@@ -156,13 +189,14 @@ def invite(request: Request, services: AppServices, who: Instructor, form: Form)
 
 
 def render_links(
-    request: Request, services: Services, who: Identity, part: Part, made: Sequence[invitations.Invitation]
-) -> Response:
+    request: Request, services: Services, who: Identity, part: Part, made: Sequence[invitations.Invitation], *,
+    listed: Listing = Listing(),
+) -> Response:  # fmt: skip
     """Renders the page with new links, which are shown this once."""
     origin = services.origin_of(request)
     links = [(one.member.name, f"{origin}/signin?code={one.code}") for one in made]
     table = "".join(lines([("name", "link"), *((guarded(name), url) for name, url in links)]))
-    return render(request, services, who, part, links=links, links_table=table)
+    return render(request, services, who, part, listed=listed, links=links, links_table=table)
 
 
 @router.post(f"{PAGE}/invitations/{{invitation}}/revoke")
@@ -185,9 +219,11 @@ def change_link(services: AppServices, who: Instructor, form: Form) -> Response:
 
 
 @router.post(f"{PAGE}/members/{{member_id}}")
-def change_member(request: Request, member_id: str, services: AppServices, who: Instructor, form: Form) -> Response:
+def change_member(
+    request: Request, member_id: str, services: AppServices, who: Instructor, form: Form, *, listed: Listed
+) -> Response:
     """Makes a new link for a member, which is shown this once; changes the role or the name; or removes. `do` says
-    which. Shows the page again if it is refused. Raises Unauthorized, Forbidden."""
+    which. Shows the same members again, with a reason if it is refused. Raises Unauthorized, Forbidden."""
     do = form.get("do", "")
     try:
         with services.database.write() as session:
@@ -205,10 +241,10 @@ def change_member(request: Request, member_id: str, services: AppServices, who: 
     except Unauthorized:
         raise
     except CallerError as error:
-        return render(request, services, who, "members", 409, trouble=str(error))
+        return render(request, services, who, "members", 409, listed=listed, trouble=str(error))
     if do == "link":
-        return render_links(request, services, who, "members", [made])
-    return RedirectResponse(PAGE, 303)
+        return render_links(request, services, who, "members", [made], listed=listed)
+    return RedirectResponse(PAGE + listed.query(listed.start), 303)
 
 
 @router.post(f"{PAGE}/tokens")

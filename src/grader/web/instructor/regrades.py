@@ -33,11 +33,14 @@ router = APIRouter(include_in_schema=False)
 
 
 @router.get(PAGE)
-def list_page(request: Request, services: AppServices, who: Visitor) -> Response:
-    """The form that starts a regrade, and the newest ones; to anyone but an instructor, how to sign in."""
+def list_page(
+    request: Request, services: AppServices, who: Visitor, what: Annotated[str, Query(max_length=129)] = ""
+) -> Response:
+    """The form that starts a regrade, with a quiz or `quiz/question` chosen, and the newest ones; to anyone but an
+    instructor, how to sign in."""
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
-    return render_list(request, services, who)
+    return render_list(request, services, who, what=what)
 
 
 @router.post(PAGE)
@@ -46,7 +49,7 @@ def start(request: Request, services: AppServices, who: Instructor, form: Form) 
     try:
         made = regrades.create(services.database, services.library_for(who), who, parse_wanted(form))
     except CallerError as error:
-        return render_list(request, services, who, 409, trouble=str(error))
+        return render_list(request, services, who, 409, trouble=str(error), what=form.get("what", ""))
     return RedirectResponse(f"{PAGE}/{made.id}", 303)
 
 

@@ -64,7 +64,7 @@ def exercise_as(
     with services.database.write() as session:
         reader = get_learner(session, who, learner)
         work = read_visible_work(session, desk, who, reader, [quiz])
-        attempts = list_attempts(session, work.access, reader, quiz_id, question_id)
+        attempts = list_attempts(session, work, reader, quiz_id, question_id)
         names = blinded(desk, session, who, submissions.several(session, [one.id for one in attempts]), {}).names
         record(session, who, who.course, Action.SEEN_AS, reader.id, quiz=quiz_id, question=question_id)
     visible = [one for one in attempts if one.id not in names]
@@ -97,11 +97,13 @@ def read_visible_work(session: Session, desk: Desk, who: Identity, reader: Ident
     """A learner's work, without answers and marks that the instructor is kept from seeing under the learner's name."""
     work = read_work(session, desk.library, reader, quizzes)
     newest = submissions.newest(session, reader.course, reader.id)
-    names = blinded(desk, session, who, newest, {}).names
+    earlier = [one.submission for place in work.places.values() for one in place.commented]
+    rows = [*newest, *submissions.several(session, earlier)] if earlier else newest
+    names = blinded(desk, session, who, rows, {}).names
     hidden = {(row.quiz, row.question) for row in newest if row.id in names}
     hidden |= {(one.quiz, one.question) for one in unseen_by(session, who).results if one.learner == reader.id}
-    places = {
-        at: replace(place, given=None, points=None, notice=UNDER_REVIEW) if at in hidden else place
-        for at, place in work.places.items()
-    }
+    places = {}
+    for at, place in work.places.items():
+        seen = replace(place, commented=[one for one in place.commented if one.submission not in names])
+        places[at] = replace(seen, given=None, points=None, notice=UNDER_REVIEW) if at in hidden else seen
     return replace(work, places=places)

@@ -4,9 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Query, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
@@ -220,16 +220,23 @@ def list_platform_tasks(asked: Sequence[str]) -> Iterable[Task]:
 
 
 @router.get(f"{PAGE}/content")
-def content(request: Request, services: AppServices, who: Visitor, *, loaded: str = "") -> Response:
+def content(
+    request: Request, services: AppServices, who: Visitor, *, loaded: str = "",
+    regrade: Annotated[str, Query(max_length=20_000)] = "",
+) -> Response:  # fmt: skip
     """The quizzes that are loaded, what was remarked on them, and why the last change was refused, if it was. To anyone
-    but an instructor, how to sign in. `loaded` follows a change that was taken."""
+    but an instructor, how to sign in. `loaded` follows a change that was taken, `regrade` names the questions
+    (`quiz/question,...`) whose verdicts are of before."""
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
     library, refused = services.library_for(who), services.content.of(who.course).refused
     quizzes = [describe_quiz(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
+    titles, asked = list_titles(library), regrade.split(",")
+    to_regrade = [(f"{at[0]}/{at[1]}", title) for at, title in titles.items() if f"{at[0]}/{at[1]}" in asked]
     return page(
-        request, "content.html", who=who, quizzes=quizzes, remarks=library.warnings, refused=refused, loaded=loaded
-    )
+        request, "content.html", who=who, quizzes=quizzes, remarks=library.warnings, refused=refused, loaded=loaded,
+        to_regrade=to_regrade,
+    )  # fmt: skip
 
 
 @router.post(f"{PAGE}/content")

@@ -136,7 +136,7 @@ def show_exercise(
     quiz = library.quiz(quiz_id)
     with services.database.read() as session:
         work = read_work(session, library, reader, [quiz])
-        attempts = list_attempts(session, work.access, reader, quiz_id, question_id)
+        attempts = list_attempts(session, work, reader, quiz_id, question_id)
         ahead = jobs.count_ahead(session, attempts[0].id) if attempts and attempts[0].state == QUEUED else None
         at = case_now(session, attempts[0].id) if attempts and attempts[0].state == RUNNING else None
     shown = build_exercise_page(library, quiz, question_id, work, attempts, chosen=attempt, typed=typed)
@@ -160,7 +160,7 @@ def compare(
         raise NotFound("There is no such question.")
     with services.database.read() as session:
         work = read_work(session, library, who, [library.quiz(quiz_id)])
-        attempts = list_attempts(session, work.access, who, quiz_id, question_id)
+        attempts = list_attempts(session, work, who, quiz_id, question_id)
     if len(attempts) < 2:
         raise NotFound("There are no two attempts to compare yet.")
     by_id = {one.id: one for one in attempts}
@@ -184,7 +184,7 @@ def reel(
     question = library.question(quiz_id, question_id)
     with services.database.read() as session:
         work = read_work(session, library, who, [library.quiz(quiz_id)])
-        attempts = list_attempts(session, work.access, who, quiz_id, question_id, most=REEL_MAX)
+        attempts = list_attempts(session, work, who, quiz_id, question_id, most=REEL_MAX)
     title, base = list_titles(library)[quiz_id, question_id], f"/quizzes/{quiz_id}/{question_id}"
     return page(
         request, "reel.html", who=who, layout="base.html", title=title, up=(base, f"Back to {title}"),
@@ -232,7 +232,7 @@ def plot(quiz_id: str, question_id: str, attempt: str, name: str, *, services: A
     library = services.library_for(who)
     with services.database.read() as session:
         work = read_work(session, library, who, [library.quiz(quiz_id)])
-        attempts = list_attempts(session, work.access, who, quiz_id, question_id)
+        attempts = list_attempts(session, work, who, quiz_id, question_id)
     given = next((one for one in attempts if one.id == attempt and one.verdict is not None), None)
     if given is None or given.verdict is None:
         raise NotFound(NO_ATTEMPT)

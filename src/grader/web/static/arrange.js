@@ -4,6 +4,7 @@
 import { el } from "./dom.js";
 
 const MARGIN_PX = 4; // a pointer that moved less has not dragged
+const EDGE_PX = 64; // so near the end of the screen the page goes on
 
 document.head.append(el("link", { rel: "stylesheet", href: new URL("arrange.css", import.meta.url).href }));
 
@@ -81,9 +82,9 @@ function match(field) {
     let target = null;
     const mark = (row) => { target?.classList.remove("is-target"); target = row; row?.classList.add("is-target"); };
     drag(right, {
-      begin: ({ clientX, clientY }) => { from = [clientX, clientY]; right.classList.add("is-dragged"); },
+      begin: ({ clientX, clientY }) => { from = [clientX, clientY + scrollY]; right.classList.add("is-dragged"); },
       move: ({ clientX, clientY }) => {
-        right.style.transform = `translate(${clientX - from[0]}px, ${clientY - from[1]}px)`;
+        right.style.transform = `translate(${clientX - from[0]}px, ${clientY + scrollY - from[1]}px)`;
         const row = document.elementFromPoint(clientX, clientY)?.closest(".pair"); // what is dragged lets it through
         mark(row && field.contains(row) ? row : null);
       },
@@ -111,13 +112,21 @@ function drag(node, { begin, move, end }) {
     down.preventDefault();
     node.setPointerCapture(pointerId);
     let isDragged = false;
+    let last = down;
+    const going = setInterval(() => {
+      const by = last.clientY < EDGE_PX ? -9 : last.clientY > innerHeight - EDGE_PX ? 9 : 0;
+      if (!isDragged || !by) return;
+      scrollBy({ top: by, behavior: "instant" });
+      move(last);
+    }, 16);
     const follow = (event) => {
       if (!isDragged && Math.hypot(event.clientX - down.clientX, event.clientY - down.clientY) < MARGIN_PX) return;
       if (!isDragged) begin(down);
       isDragged = true;
-      move(event);
+      move(last = event);
     };
     const leave = () => {
+      clearInterval(going);
       node.removeEventListener("pointermove", follow);
       for (const name of ["pointerup", "pointercancel"]) node.removeEventListener(name, leave);
       if (isDragged) end();

@@ -132,6 +132,7 @@ async function send(form, submitter) {
 
 async function pageOf(response) {
   const page = new DOMParser().parseFromString(await response.text(), "text/html");
+  page.querySelectorAll("[autofocus]").forEach((one) => one.removeAttribute("autofocus")); // for pages without this script
   localise(page);
   return page;
 }

@@ -2,23 +2,21 @@
 
 import re
 import textwrap
-import unicodedata
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
-from grader.domain.markup import plain_text
+from grader.domain.markup import FORMULA, plain_text, spell_formula
 from grader.library import Library
 from grader.questions import FORMS, Question, Quiz, kind_of, question_view
+from grader.questions.drawing import Drawable, is_drawn
 from grader.web.text.lab_box import describe_lab
 from grader.web.text.numbers import NARROW, unbroken
 from grader.web.text.prose import cached_prose
 
 DANGLING = re.compile(r"(?:\s*+\([^)]*+|\s++[\d.]++|[\s.,;:=+-])++$")
 ASIDE = re.compile(r"(?<=\w) \([^()]*\)")
-FORMULA = re.compile(r"\$([^$]*)\$")
-GREEK = re.compile(r"\\([A-Za-z][a-z]+)(?![A-Za-z])")
 SHORT = 44
 """Characters of a question in the list of questions."""
 
@@ -50,6 +48,7 @@ def describe_question(quiz_id: str, question: Question, starter: str | None) -> 
         "short": shorten_title(question.title or question.label, question.q),
         "prompt": render_prompt(question.q),
         "opening": render_opening(question.q),
+        "numbers": describe_numbers(question),
         "worth": describe_worth(question.points, question.attempts),
         "allowance": describe_limits(view["limits"]) if view.get("takes") == "python" else "",
         "starter": starter,
@@ -60,6 +59,13 @@ def describe_question(quiz_id: str, question: Question, starter: str | None) -> 
         "is_script": kind.is_script,
         "template": f"kinds/{question.kind}.html",
     }
+
+
+def describe_numbers(question: Question) -> str:
+    """Says whose the numbers of a question are; empty where they are the same for all."""
+    if isinstance(question, Drawable) and question.is_posed:
+        return "These numbers are yours: each learner has their own."
+    return "Each learner has numbers of their own; these are in the middle." if is_drawn(question) else ""
 
 
 def render_prompt(text: str) -> Markup:
@@ -95,20 +101,6 @@ def shorten_text(text: str) -> str:
         return words
     head = textwrap.shorten(ASIDE.sub("", words), SHORT, placeholder="")
     return (DANGLING.sub("", head) or head) + "…"
-
-
-def spell_formula(formula: re.Match[str]) -> str:
-    """Returns a formula of TeX as plain text: Greek letters in place of their commands, no braces."""
-    return GREEK.sub(spell_letter, re.sub(r"[{}]", "", formula[1]))
-
-
-def spell_letter(command: re.Match[str]) -> str:
-    """Returns the Greek letter of a command of TeX; any other command as it is."""
-    name = command[1].replace("lambda", "lamda").replace("Lambda", "Lamda")  # as Unicode spells it
-    try:
-        return unicodedata.lookup(f"GREEK {'SMALL' if name.islower() else 'CAPITAL'} LETTER {name}")
-    except KeyError:
-        return command[0]
 
 
 def describe_worth(points: float, attempts: int | None) -> str:

@@ -17,6 +17,7 @@ from grader.domain.verdict import Status
 from grader.library import Library
 from grader.questions import Question, Quiz, describe_file
 from grader.store import line_comments, results, submissions
+from grader.store.line_comments import Commented
 from grader.store.submissions import Mark, SubmissionFilter
 from grader.store.tables import Result, Submission
 from grader.web.text.numbers import points
@@ -116,6 +117,8 @@ class Place:
     lab_is_open: bool
     due: datetime | None
     attempts_left: int | None
+    commented: Sequence[Commented] = ()
+    """The attempts before the newest that instructors commented on, the newest first."""
 
     @property
     def badge(self) -> Badge:
@@ -169,6 +172,11 @@ def read_work(session: Session, library: Library, who: Identity, quizzes: Sequen
         for question in quiz.questions:
             at = (quiz.id, question.id)
             places[at] = describe_place(access, quiz, question, newest.get(at), found.get(at))
+    for one in line_comments.of_learner(session, who.course, who.id):
+        at = (one.quiz, one.question)
+        given = newest.get(at)
+        if at in places and given is not None and given.withheld is None and given.id != one.submission:
+            places[at] = replace(places[at], commented=(*places[at].commented, one))
     return Work(access, places)
 
 
@@ -187,11 +195,17 @@ def describe_place(
 
 
 def list_attempts(
-    session: Session, access: LearnerAccess, who: Identity, quiz: str, question: str, *, most: int = ATTEMPTS_MAX
+    session: Session, work: Work, who: Identity, quiz: str, question: str, *, most: int = ATTEMPTS_MAX
 ) -> list[Given]:
-    """Returns a learner's answers to one question, newest first; unreadable ones are left out."""
+    """Returns a learner's newest answers to one question, and older ones with comments, newest first; unreadable ones
+    are left out."""
     wanted = SubmissionFilter(who.course, quiz=quiz, question=question, learner=who.id)
-    return compare_attempts(read_answers(session, access, submissions.page(session, wanted, None, most)))
+    rows = list(submissions.page(session, wanted, None, most))
+    listed = {row.id for row in rows}
+    commented = [one.submission for one in work.places[quiz, question].commented if one.submission not in listed]
+    if commented:
+        rows += sorted(submissions.several(session, commented), key=lambda row: row.id, reverse=True)
+    return compare_attempts(read_answers(session, work.access, rows))
 
 
 def compare_attempts(attempts: Sequence[Given]) -> list[Given]:

@@ -1,18 +1,20 @@
 """The `controller` kind closes a loop: it simulates in the grader's own process, and asks the student's function for
 the controls at each step. Nothing hidden enters the jail."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from inspect import getsource
 from typing import Any
 
 import mujoco
 
 from grader.domain.axes import Placed
+from grader.exercises.episodes.films import record_films
 from grader.exercises.episodes.judge import Outcome, bound_luck, judge_records
 from grader.exercises.episodes.parameters import EpisodesCase, Problem, check_names, pose_case
 from grader.exercises.episodes.pictures import build_evidence
 from grader.exercises.episodes.placing import place_episodes
 from grader.exercises.episodes.simulating import list_constant_laws, simulate_law
+from grader.exercises.film import Film
 from grader.exercises.kind import Ask, DrawnCase, JudgedTrial, Judgement, Kind, Trial
 from grader.exercises.kinds.controller import driver
 from grader.exercises.kinds.controller.mistakes import name_the_mistake
@@ -76,6 +78,13 @@ class Controller(Kind[ControllerParameters, Problem, Outcome]):
     ) -> dict[str, Any]:
         """Returns charts of the motion and of the controls."""
         return build_evidence(parameters, visible)
+
+    def record_films(
+        self, parameters: ControllerParameters, trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any],
+        failed: Collection[str], *, timestep_s: float | None = None,
+    ) -> Sequence[Film]:  # fmt: skip
+        """Returns the run that the evidence keeps."""
+        return record_films(trials, evidence)
 
     def place_on_axes(self, parameters: ControllerParameters, verdict: Mapping[str, Any]) -> Iterable[Placed]:
         """Returns what each goal measured, beside what is allowed."""

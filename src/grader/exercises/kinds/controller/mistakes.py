@@ -87,7 +87,8 @@ def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged])
             return WRITES.format(parts=" and data.".join(known))
     visible = [one for one in judged if not one.trial.hidden]
     is_tuned = bool(visible) and all(one.counts for one in visible)
-    if any(is_first_alone(one) for one in wrong):
+    is_wrong_at_once = any(len(one.judgement.outcome.records) == 1 for one in wrong)
+    if not is_wrong_at_once and any(is_first_alone(one) for one in wrong):
         return REMEMBERS
     records = [(one, record) for one in wrong for record in one.judgement.outcome.list_failed()][:RECORDS_READ]
     sentences = [sentence for one, record in records for sentence in find_sentences(parameters, one, record)]

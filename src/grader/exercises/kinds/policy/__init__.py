@@ -1,18 +1,20 @@
 """The `policy` kind runs a network of a declared form, whose weights a learner hands in, over drawn episodes. The file
 is read in the jail; only its numbers come out."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from inspect import getsource
 from typing import Any
 
 from grader.domain.axes import Placed
 from grader.exercises.episodes.environment import NO_ENVIRONMENT, Environment
+from grader.exercises.episodes.films import record_films
 from grader.exercises.episodes.judge import bound_luck
 from grader.exercises.episodes.parameters import EpisodesCase, Problem, check_names, pose_case
 from grader.exercises.episodes.pictures import build_evidence
 from grader.exercises.episodes.placing import place_episodes
 from grader.exercises.episodes.simulating import EpisodeRun, list_constant_laws, simulate_law
+from grader.exercises.film import Film
 from grader.exercises.kind import Content, DrawnCase, JudgedTrial, Judgement, Kind, Results, Trial
 from grader.exercises.kinds.policy import driver
 from grader.exercises.kinds.policy.judge import Ran, judge_policy, list_shapes
@@ -81,6 +83,13 @@ class Policy(Kind[PolicyParameters, Problem, Any]):
     ) -> dict[str, Any]:
         """Returns charts of the motion and of the controls."""
         return build_evidence(parameters, [one for one in visible if isinstance(one.judgement.outcome, Ran)])
+
+    def record_films(
+        self, parameters: PolicyParameters, trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any],
+        failed: Collection[str], *, timestep_s: float | None = None,
+    ) -> Sequence[Film]:  # fmt: skip
+        """Returns the run that the evidence keeps."""
+        return record_films(trials, evidence)
 
     def place_on_axes(self, parameters: PolicyParameters, verdict: Mapping[str, Any]) -> Iterable[Placed]:
         """Returns what each goal measured, beside what is allowed."""

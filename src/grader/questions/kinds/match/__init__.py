@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from grader.domain.markup import quoted
+from grader.domain.markup import quoted, spoken_text
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import InvalidAnswer
 from grader.questions.kind import Example, Fields, Option, QuestionKind
@@ -124,7 +124,7 @@ class Match(QuestionKind[MatchQuestion, Mapping[str, str]]):
         for left, text in lefts.items():
             right = answer.get(left)
             if not isinstance(right, str) or right not in rights:
-                name = quoted(option_text(text))
+                name = quoted(spoken_text(text))
                 raise InvalidAnswer(f"{name} has no partner: choose one of {', '.join(rights)} for it.")
         return {left: answer[left] for left in lefts}
 
@@ -184,11 +184,11 @@ def _findings(question: MatchQuestion, answer: Mapping[str, str]) -> Iterator[Fi
     share = question.points / len(key)
     for left, text in question.lefts.items():
         passed = answer[left] == key[left]
-        words = option_text(rights[answer[left]])
-        message = f"{quoted(option_text(text))} {'goes' if passed else 'does not go'} with {quoted(words)}."
+        words = spoken_text(rights[answer[left]])
+        message = f"{quoted(spoken_text(text))} {'goes' if passed else 'does not go'} with {quoted(words)}."
         yield Finding(
             id=f"pair-{left}", title=f"Line {left}", passed=passed, points=share if passed else 0.0, max_points=share,
-            message=message, direction=message, measured=words, expected=option_text(rights[key[left]])
+            message=message, direction=message, measured=words, expected=spoken_text(rights[key[left]])
         )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from grader.domain.markup import quoted
+from grader.domain.markup import quoted, spoken_text
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import InvalidAnswer
 from grader.questions.kind import Example, Fields, Option, QuestionKind
@@ -48,7 +48,7 @@ class Order(QuestionKind[OrderQuestion, tuple[str, ...]]):
         at: dict[str, str] = {}
         for item, position in positions.items():
             if position not in map(str, range(1, len(items) + 1)):
-                raise InvalidAnswer(f"{quoted(option_text(items[item]))} has no position: choose one for each item.")
+                raise InvalidAnswer(f"{quoted(spoken_text(items[item]))} has no position: choose one for each item.")
             if position in at:
                 raise InvalidAnswer(f"Position {position} is taken twice: give each item a position of its own.")
             at[position] = item
@@ -131,7 +131,7 @@ def _key_of(question: OrderQuestion) -> tuple[str, ...]:
 
 def _findings(question: OrderQuestion, answer: tuple[str, ...]) -> Iterator[Finding]:
     """Yields a finding for each pair of neighbours in the answer."""
-    words = {item: option_text(text) for item, text in by_id(question.items).items()}
+    words = {item: spoken_text(text) for item, text in by_id(question.items).items()}
     following = dict(pairwise(_key_of(question)))
     share = question.points / len(following)
     for at, (first, second) in enumerate(pairwise(answer), 1):
