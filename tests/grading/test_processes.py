@@ -8,7 +8,8 @@ import pytest
 
 from grader.domain.verdict import Status, Verdict
 from grader.grading.pipeline import TOO_LARGE
-from grader.grading.processes import JUDGING_BYTES_MAX, Graders, Script
+from grader.grading.process_main import JUDGING_BYTES_MAX
+from grader.grading.processes import Graders, Script
 from grader.library import Library, load
 
 pytestmark = pytest.mark.slow

@@ -121,7 +121,7 @@ def test_the_digest_covers_our_code_and_that_of_plug_ins(monkeypatch: pytest.Mon
     (tmp_path / "plugged_in.py").write_text("x = 1\n")
     monkeypatch.syspath_prepend(tmp_path)
     other = EntryPoint("other", "plugged_in:Kind", GROUP)
-    monkeypatch.setattr(passed, "entry_points", lambda group: [other] if group == GROUP else [])
+    monkeypatch.setattr(passed, "find_points", lambda group: [other] if group == GROUP else [])
     assert set(list_code()) == ours | {tmp_path / "plugged_in.py"}
 
 

@@ -157,11 +157,11 @@ def lifespan_of(services: Services) -> Any:
             recomputing.start()
             services.writer.start()
             await run_in_threadpool(release_all, database)
+            gc.collect()
+            gc.freeze()  # what is there from now on is never walked again
             if services.settings.workers:
                 await run_in_threadpool(graders.start)
                 worker.start()
-            gc.collect()
-            gc.freeze()  # what is there from now on is never walked again
             yield
         finally:
             await run_in_threadpool(recomputing.stop)
