@@ -157,8 +157,7 @@ def lifespan_of(services: Services) -> Any:
             recomputing.start()
             services.writer.start()
             await run_in_threadpool(release_all, database)
-            gc.collect()
-            gc.freeze()  # what is there from now on is never walked again
+            gc.freeze()  # what is there from now on is never walked again; a last walk would take a tenth of a second
             if services.settings.workers:
                 await run_in_threadpool(graders.start)
                 worker.start()

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 log = structlog.get_logger()
 
-VERSIONS = ("mujoco", "numpy", "scipy", "pydantic")
+VERSIONS = ("mujoco", "numpy", "scipy", "pydantic", "latex2mathml")
 """The packages whose numbers or sentences a result holds."""
 
 AGE_S = 30 * 86400
