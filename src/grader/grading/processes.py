@@ -104,7 +104,7 @@ class GradingProcess:
     def begin(self) -> None:
         """Lets the process start; once more is no harm."""
         assert self._process.stdin is not None
-        with suppress(OSError):  # it has ended, which whoever waits for it is told
+        with suppress(OSError, ValueError):  # it has ended, which whoever waits for it is told
             os.write(self._process.stdin.fileno(), b"\n")
 
     def wait_until_ready(self) -> None:
