@@ -13,11 +13,12 @@ from sqlalchemy import delete, select
 
 from grader.api.learning import events
 from grader.courses.people.identity import identity_of
+from grader.domain.progress import ignore_progress
 from grader.domain.verdict import Status, Verdict
 from grader.errors import JailFault
 from grader.exercises import Tell
 from grader.gate.streams import STREAMS_MAX
-from grader.grading.pipeline import Retries, ignore_progress
+from grader.grading.pipeline import Retries
 from grader.grading.processes import Graders, Script
 from grader.library import Library
 from grader.queue import jobs

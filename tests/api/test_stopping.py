@@ -183,7 +183,7 @@ def test_a_script_is_stopped_in_a_worker_of_its_own(tmp_path: Path) -> None:
             with client_of(serving, "ann") as ann:
                 assert_graded(ann)  # the worker has the content from now on
                 address = start(ann, ENDLESS)
-                grading = [pid for pid, command in descendants(worker.pid) if "grading.processes" in command]
+                grading = [pid for pid, command in descendants(worker.pid) if "grading.process_main" in command]
                 assert_stopped(stop(ann, address))
-                assert [pid for pid, command in descendants(worker.pid) if "grading.processes" in command] == grading
+                assert [pid for pid, command in descendants(worker.pid) if "grading.process_main" in command] == grading
                 assert_graded(ann)

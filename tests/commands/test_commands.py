@@ -12,7 +12,9 @@ from xml.etree import ElementTree
 
 import pytest
 from sqlalchemy.orm import Session
+from typer.main import get_group
 
+from grader.commands.main import cli, find_commands
 from grader.courses.people.identity import DEFAULT_COURSE
 from grader.domain.policy import Extension
 from grader.store import extensions, people
@@ -40,14 +42,37 @@ def verdict_of(*arguments: str) -> tuple[int, dict[str, Any]]:
     [
         ("grader.commands.main", {"mujoco", "numpy", "scipy", "pydantic", "sqlalchemy", "structlog"}),
         ("grader.service.accounts", {"mujoco", "numpy", "scipy", "fastapi", "alembic", "psycopg", "pint"}),
-        ("grader.grading.processes", {"scipy", "pint", "sqlalchemy", "fastapi"}),
+        ("grader.grading.processes", {"mujoco", "numpy", "pydantic", "sqlalchemy", "fastapi"}),
+        ("grader.service.processes", {"mujoco", "numpy", "sqlalchemy", "fastapi", "uvicorn"}),
+        ("grader.grading.process_main", {"scipy", "pint", "sqlalchemy", "fastapi"}),
         ("grader.service.app", {"scipy", "pint", "alembic", "psycopg", "matplotlib", "httpx2", "joserfc", "authlib"}),
+        ("grader.service.app", {"grader.certify.proposals", "latex2mathml"}),
     ],
 )
 def test_a_command_imports_what_it_needs(module: str, unneeded: set[str]) -> None:
     code = f"import sys, {module}; print(*sorted({unneeded!r} & sys.modules.keys()))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+def test_a_server_starts_without_the_models_of_its_responses() -> None:
+    code = """
+import grader.service.app
+from grader.api.bodies import ResponseBody
+print(*(one.__name__ for one in ResponseBody.__subclasses__() if one.__pydantic_complete__))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["Page"]  # the base of pages of each kind
+
+
+def test_a_command_is_built_without_the_others_and_any_other_argument_has_all() -> None:
+    every = get_group(cli).commands
+    for name, command in every.items():
+        found = get_group(find_commands([name, "--help"])).commands[name]
+        assert (found.help, [one.opts for one in found.params]) == (command.help, [one.opts for one in command.params])
+    assert get_group(find_commands(["grade", "1.3-check"])).commands.keys() == {"grade", "grade-notebook"}
+    for arguments in ([], ["--help"], ["grad"], ["--version", "grade"]):
+        assert get_group(find_commands(arguments)).commands.keys() == every.keys()
 
 
 def test_grading_a_choice_imports_nothing_that_it_does_not_need() -> None:

@@ -393,7 +393,7 @@ def test_a_kind_may_ask_for_a_person(echo: Callable[..., Verdict]) -> None:
 
 def test_two_packages_with_one_name_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     point = EntryPoint("rk4", "grader.exercises.kinds.rk4:Rk4", planning.GROUP)
-    monkeypatch.setattr(planning, "entry_points", lambda group: EntryPoints([point, point]))
+    monkeypatch.setattr(planning, "find_points", lambda group: EntryPoints([point, point]))
     load_kinds.cache_clear()
     try:
         with pytest.raises(GraderError, match="two installed packages provide the exercise kind 'rk4'"):

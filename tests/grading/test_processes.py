@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from grader.domain.verdict import Status, Verdict
+from grader.errors import JailFault
 from grader.grading.pipeline import TOO_LARGE
-from grader.grading.processes import JUDGING_BYTES_MAX, Graders, Script
+from grader.grading.process_main import JUDGING_BYTES_MAX
+from grader.grading.processes import Graders, GradingProcess, Script
 from grader.library import Library, load
 
 pytestmark = pytest.mark.slow
@@ -52,6 +54,22 @@ def graders() -> Iterator[Graders]:
 def judge(graders: Graders, library: Library, number: float) -> Verdict:
     source = f"def count(n):\n    return {number!r}\n"
     return graders.judge(library, Script("q", "count", {"source": source}, 1))
+
+
+def test_of_several_the_first_is_waited_for_and_another_judges_once_it_is_ready(library: Library) -> None:
+    with Graders(2, allow_t2=False) as graders:
+        first, second = graders._all
+        assert first.jail and not second.jail and graders.alive == 2
+        assert second.judge(library, Script("q", "count", {"source": "def count(n):\n    return 3.0\n"}, 1)).points == 1
+        assert second.jail == first.jail == graders.jail
+
+
+def test_a_process_that_has_not_begun_ends_with_its_handle() -> None:
+    process = GradingProcess(allow_t2=False)
+    process.close()
+    assert not process.alive
+    with pytest.raises(JailFault, match="broke"):
+        process.wait_until_ready()
 
 
 def test_results_too_large_to_judge_are_the_scripts_fault_and_cost_nobody_else(

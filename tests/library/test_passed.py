@@ -123,7 +123,7 @@ def test_the_digest_covers_our_code_and_that_of_plug_ins(monkeypatch: pytest.Mon
     (tmp_path / "plugged_in.py").write_text("x = 1\n")
     monkeypatch.syspath_prepend(tmp_path)
     other = EntryPoint("other", "plugged_in:Kind", GROUP)
-    monkeypatch.setattr(passed, "entry_points", lambda group: [other] if group == GROUP else [])
+    monkeypatch.setattr(passed, "find_points", lambda group: [other] if group == GROUP else [])
     assert set(list_code()) == ours | {tmp_path / "plugged_in.py"}
 
 
@@ -135,7 +135,8 @@ def test_a_lesson_is_the_same_with_and_without(checks: PassedChecks, monkeypatch
         return [library.digests, library.texts, library.warnings, library.sources, told]
 
     cold, first = derive(PassedChecks()), derive(checks)
-    for name in ("grader.library.checking.semantics._part_faults", "grader.certify.keys.certify_key"):
+    checked = "library.checking.semantics._part_faults", "certify.keys.certify_key", "library.loading.prose_warnings"
+    for name in (f"grader.{function}" for function in checked):
         monkeypatch.setattr(name, lambda *_: pytest.fail("what has passed is computed again"))
     assert cold == first == derive(checks)
 

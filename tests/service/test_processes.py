@@ -45,7 +45,7 @@ class Served:
     def servers(self) -> list[int]:
         """The servers; the worker is the one with grading processes below it."""
         return [
-            one for one in self.parts() if not any("grading.processes" in command for _, command in descendants(one))
+            one for one in self.parts() if not any("grading.process_main" in command for _, command in descendants(one))
         ]
 
     @contextmanager

@@ -2,6 +2,7 @@
 
 import json
 import time
+import tracemalloc
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import timedelta
 from pathlib import Path
@@ -10,8 +11,9 @@ import httpx
 import pytest
 from sqlalchemy import func, select, update
 
-from grader.courses.people.identity import Role
+from grader.courses.people.identity import Identity, Role
 from grader.courses.people.sign_in import create_sign_in_code
+from grader.courses.reporting.quiz_statistics import Statistics
 from grader.service.accounts import in_database
 from grader.settings import Settings
 from grader.store import submissions
@@ -146,6 +148,18 @@ def change(site: Site) -> None:
 def test_a_whole_course_is_read_in_little_time(large: Site, teacher: httpx.Client, path: str) -> None:
     limit = TIMES_OF_A_WHOLE_COURSE
     assert in_nothings(teacher, path, limit, lambda: change(large)) < limit
+
+
+def test_the_statistics_of_a_whole_course_hold_few_rows(large: Site) -> None:
+    services = large.app.state.services
+    teacher = Identity("t", "tina", Role.INSTRUCTOR, Course().name)
+    version = services.statistics.version(services.library_for(teacher), "large", teacher)
+    tracemalloc.start()
+    try:
+        assert Statistics(services.database).compute(version).learners == Course().learners
+        assert tracemalloc.get_traced_memory()[1] < 10e6  # 40,000 rows are 16 MB
+    finally:
+        tracemalloc.stop()
 
 
 @pytest.mark.cost

@@ -137,7 +137,7 @@ def descendants(pid: int) -> list[tuple[int, str]]:
 
 def kill_grading_process(server: int, draw: random.Random) -> None:
     """Kills one of the grading processes."""
-    kill(server, ("grader.grading.processes",), draw)
+    kill(server, ("grader.grading.process_main",), draw)
 
 
 def kill_zygote(server: int, draw: random.Random) -> None:

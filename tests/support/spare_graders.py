@@ -25,7 +25,7 @@ def end_spares() -> None:
 @contextmanager
 def keeping_spares() -> Iterator[None]:
     """Within the block an idle process of graders that close is kept, and the next that start take it."""
-    make, close, wait_until_ready = Graders._new, Graders.close, GradingProcess.wait_until_ready
+    make, close = Graders._new, Graders.close
 
     def take(graders: Graders) -> GradingProcess:
         spares = SPARES[graders._allow_t2]
@@ -44,14 +44,9 @@ def keeping_spares() -> Iterator[None]:
         graders._all = busy
         close(graders)
 
-    def wait(process: GradingProcess) -> None:
-        if not process.jail:  # else it was ready before
-            wait_until_ready(process)
-
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Graders, "_new", take)
         patch.setattr(Graders, "close", keep)
-        patch.setattr(GradingProcess, "wait_until_ready", wait)
         yield
 
 

@@ -8,6 +8,7 @@ from urllib.parse import urlencode
 from fastapi import Path, Query, Response
 from pydantic import BaseModel, Field
 
+from grader.api.bodies import ResponseBody
 from grader.errors import Unprocessable
 from grader.gate.admission import PREFIX
 from grader.store.tables import ROW_ID_MAX
@@ -50,7 +51,7 @@ class PageQuery(CursorQuery):
     learner: str | None = Field(default=None, pattern=NO_NUL)
 
 
-class Page(BaseModel, Generic[Item]):
+class Page(ResponseBody, Generic[Item]):
     """One page of a list; `next_cursor` is None on the last page."""
 
     items: list[Item]

@@ -3,14 +3,15 @@
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
+from grader.api.bodies import ResponseBody
 from grader.courses.people.identity import Role, Scope
 from grader.domain.policy import Policy
 from grader.questions import installed_kinds
 
 
-class QuizSummary(BaseModel):
+class QuizSummary(ResponseBody):
     """A quiz as an item of the list."""
 
     id: str
@@ -21,7 +22,7 @@ class QuizSummary(BaseModel):
     due: datetime | None
 
 
-class QuestionView(BaseModel):
+class QuestionView(ResponseBody):
     """A question as a learner sees it; each kind has further fields, such as `options` or `unit`."""
 
     model_config = ConfigDict(extra="allow")
@@ -35,7 +36,7 @@ class QuestionView(BaseModel):
     attempts: int | None
 
 
-class QuizView(BaseModel):
+class QuizView(ResponseBody):
     """A quiz as a learner sees it."""
 
     id: str
@@ -45,20 +46,20 @@ class QuizView(BaseModel):
     labs: list[dict[str, Any]]
 
 
-class LoadedQuiz(BaseModel):
+class LoadedQuiz(ResponseBody):
     """A quiz that was loaded, with the digest of its content."""
 
     id: str
     digest: str
 
 
-class LoadedContent(BaseModel):
+class LoadedContent(ResponseBody):
     """The content that was loaded."""
 
     quizzes: list[LoadedQuiz]
 
 
-class ExtensionView(BaseModel):
+class ExtensionView(ResponseBody):
     """An extension for one learner."""
 
     learner: str
@@ -75,7 +76,7 @@ class GivenExtension(ExtensionView):
     created_at: datetime
 
 
-class CoursePolicyView(BaseModel):
+class CoursePolicyView(ResponseBody):
     """The policy of a quiz that is in force in a course, the one of the content, and the `changes` of the course with
     who made them. `conflicts` names what does not fit together any more since the content has changed."""
 
@@ -88,14 +89,14 @@ class CoursePolicyView(BaseModel):
     changed_at: datetime | None
 
 
-class LearnerKey(BaseModel):
+class LearnerKey(ResponseBody):
     """A person as another system knows them; in the namespace `grader`, the id of a member whom none knows."""
 
     namespace: str
     id: str
 
 
-class CallerView(BaseModel):
+class CallerView(ResponseBody):
     """The member whose credential was sent; `scopes` of a restricted token, null for all rights of the role."""
 
     id: str
@@ -105,14 +106,14 @@ class CallerView(BaseModel):
     scopes: list[Scope] | None
 
 
-class PlatformCourse(BaseModel):
+class PlatformCourse(ResponseBody):
     """A course of a learning platform."""
 
     platform: str
     course: str
 
 
-class MemberView(BaseModel):
+class MemberView(ResponseBody):
     """A member of the course. `way_in` says how the member is found again, `platforms` from where launches come,
     `named_by` which instructor set the name; null while it follows platforms and rosters.
     `same_email` are other members with the same address: perhaps one person on two rosters. They are never merged: an
@@ -130,7 +131,7 @@ class MemberView(BaseModel):
     same_email: list[str]
 
 
-class NewInvitation(BaseModel):
+class NewInvitation(ResponseBody):
     """A new invitation with its link."""
 
     id: str
@@ -141,7 +142,7 @@ class NewInvitation(BaseModel):
     expires_at: datetime
 
 
-class CredentialView(BaseModel):
+class CredentialView(ResponseBody):
     """A token or a link without its secret. `scopes` are null for all that the role may; `label` names a device."""
 
     id: str
@@ -156,13 +157,13 @@ class CredentialView(BaseModel):
     last_used_at: datetime | None
 
 
-class NewToken(BaseModel):
+class NewToken(ResponseBody):
     """A new token: the only time that it is shown."""
 
     token: str
 
 
-class NewDeviceView(BaseModel):
+class NewDeviceView(ResponseBody):
     """The codes of a device that asks for a token, as RFC 8628 names them. Times are in seconds."""
 
     device_code: str
@@ -173,7 +174,7 @@ class NewDeviceView(BaseModel):
     expires_in: int
 
 
-class DeviceTokenView(BaseModel):
+class DeviceTokenView(ResponseBody):
     """The token of a device, as RFC 6749 names it: the only time that it is shown. `expires_in` is in seconds."""
 
     access_token: str
@@ -184,14 +185,14 @@ class DeviceTokenView(BaseModel):
     course: str
 
 
-class CourseView(BaseModel):
+class CourseView(ResponseBody):
     """The course, and the link with which learners join it; null while it is closed to them."""
 
     course: str
     join_url: str | None
 
 
-class TaughtCourseView(BaseModel):
+class TaughtCourseView(ResponseBody):
     """A course in which the caller is an instructor: who they are in it, how many learners it has, and whether the
     token or session is of it."""
 
@@ -202,7 +203,7 @@ class TaughtCourseView(BaseModel):
     is_current: bool
 
 
-class NewCourse(BaseModel):
+class NewCourse(ResponseBody):
     """A new course, and a single-use link with which its first instructor signs in."""
 
     course: str
@@ -211,7 +212,7 @@ class NewCourse(BaseModel):
     expires_at: datetime
 
 
-class AuditView(BaseModel):
+class AuditView(ResponseBody):
     """Who did what in the course."""
 
     id: str
@@ -223,7 +224,7 @@ class AuditView(BaseModel):
     detail: dict[str, Any]
 
 
-class ResultView(BaseModel):
+class ResultView(ResponseBody):
     """A row of the feed: what counts for a learner at a question from here on. `member` is the learner's id here."""
 
     user: str
@@ -241,7 +242,7 @@ class ResultView(BaseModel):
     created_at: datetime
 
 
-class StatisticsView(BaseModel):
+class StatisticsView(ResponseBody):
     """The statistics of a quiz; the numbers are of learners."""
 
     quiz: str
@@ -249,7 +250,7 @@ class StatisticsView(BaseModel):
     questions: list[dict[str, Any]]
 
 
-class Check(BaseModel):
+class Check(ResponseBody):
     """What one check of readiness found."""
 
     model_config = ConfigDict(extra="allow")
@@ -257,7 +258,7 @@ class Check(BaseModel):
     ok: bool
 
 
-class Ready(BaseModel):
+class Ready(ResponseBody):
     """What all checks found."""
 
     status: Literal["ready"]

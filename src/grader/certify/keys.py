@@ -2,11 +2,10 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from grader.certify import Certificate, certify_key
 from grader.certify.drawn import certify_corners
-from grader.certify.proposals import LabScene, Proposal, find_scenes, propose_verify
 from grader.certify.remarks import Luck, estimate_luck, is_decidable
 from grader.errors import Fault
 from grader.exercises import TextOf
@@ -14,6 +13,9 @@ from grader.library import NOTHING_PASSED, Library, PassedChecks
 from grader.library.checking.semantics import list_inputs
 from grader.questions import AnswerKey, NumberKey, Question, grade_answer, kind_of
 from grader.questions.drawing import is_drawn
+
+if TYPE_CHECKING:
+    from grader.certify.proposals import LabScene, Proposal
 
 ACCEPT = "or write why the key holds as verify.accept"
 
@@ -83,9 +85,11 @@ def certify_drawn(library: Library, quiz: str, question: Question, passed: Passe
 
 def propose_for_key(
     library: Library, quiz: str, question: Question, key: AnswerKey, passed: PassedChecks = NOTHING_PASSED
-) -> Proposal | None:
+) -> "Proposal | None":
     """Returns a `verify` for a key that has none and that no simulation confirms, or None where the simulations near
     the question suggest none. What was proposed before for the same question and simulations is kept."""
+    from grader.certify.proposals import Proposal, find_scenes, propose_verify  # a server that starts proposes nothing
+
     if not is_decidable(key) or is_drawn(question):  # whose `verify` has to name what is drawn, and is demanded
         return None
     scenes = find_scenes(library, quiz, question)
@@ -106,14 +110,14 @@ def propose_for_key(
 
 def propose_for_question(
     library: Library, quiz: str, question: Question, passed: PassedChecks = NOTHING_PASSED
-) -> Iterator[Proposal]:
+) -> "Iterator[Proposal]":
     """Yields the proposals for the keys of one question that no simulation confirms."""
     for one in certify_quizzes(library, [quiz], passed, is_wanted=lambda _, other: other == question.id):
         if one.certificate is None and (proposal := propose_for_key(library, quiz, question, one.key, passed)):
             yield proposal
 
 
-def list_scene_inputs(scenes: Iterable[LabScene]) -> Iterator[str]:
+def list_scene_inputs(scenes: "Iterable[LabScene]") -> Iterator[str]:
     """Yields all that proposals from these simulations depend on."""
     for scene in scenes:
         yield from (scene.lab.model_dump_json(), scene.xml)

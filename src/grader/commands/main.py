@@ -4,13 +4,16 @@ What only some commands need is imported in them: MuJoCo, SQLAlchemy and pydanti
 of a short command.
 """
 
+import copy
 import gc
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import typer
+from typer.main import get_command_name
+from typer.models import TyperInfo
 
 from grader.commands import author, bench, check, demo, grade, new, operate, platforms, serve, teach, tokens
 from grader.commands.options import FAULT, USAGE, complain
@@ -31,11 +34,11 @@ cli.add_typer(teach.roster, name="roster")
 cli.add_typer(platforms.lti, name="lti")
 
 
-def main(run: Callable[[], object] = cli) -> None:
+def main(run: Callable[[], object] | None = None) -> None:
     """Runs a command. Every error that is the caller's becomes a line on stderr and an exit code."""
     open_missing_standard_streams()
     try:
-        run()
+        (run or find_commands(sys.argv[1:]))()
     except ContentError as error:
         complain(*map(str, error.faults))
         sys.exit(USAGE)
@@ -50,6 +53,23 @@ def main(run: Callable[[], object] = cli) -> None:
         sys.exit(USAGE)
     finally:
         gc.freeze()  # the interpreter's end looks for garbage among all objects, for a fifth of a short command
+
+
+def find_commands(arguments: Sequence[str]) -> typer.Typer:
+    """Returns the group of commands that has the first argument, or all groups where it is none, such as --help. Typer
+    reads the signatures of all commands that it is given, for a tenth of a short command."""
+    named = [group for group in cli.registered_groups if {*arguments[:1]} & list_names(group)]
+    found = copy.copy(cli)
+    found.registered_groups = named or cli.registered_groups
+    return found
+
+
+def list_names(group: TyperInfo) -> set[str]:
+    """Returns the names with which the commands of a group begin: its own name, or theirs where it has none."""
+    if isinstance(group.name, str):
+        return {group.name}
+    commands = [] if group.typer_instance is None else group.typer_instance.registered_commands
+    return {one.name or get_command_name(one.callback.__name__) for one in commands if one.callback is not None}
 
 
 def show_version(wanted: bool) -> None:

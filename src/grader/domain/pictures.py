@@ -11,7 +11,7 @@ from grader.domain.misread import misread
 class Part(BaseModel):
     """Frozen; further keys are ignored."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True, extra="ignore", defer_build=True)
 
 
 class ChartAxis(Part):
@@ -72,12 +72,8 @@ class Table(Part):
         return self
 
 
-SHAPES: dict[str, TypeAdapter[Any]] = {
-    "charts": TypeAdapter(list[Chart] | None),
-    "motions": TypeAdapter(list[Chart] | None),
-    "tables": TypeAdapter(list[Table] | None),
-    "film": TypeAdapter(OwnFilm | None),
-}
+SHAPES: dict[str, Any] = {"charts": list[Chart] | None, "motions": list[Chart] | None, "tables": list[Table] | None,
+          "film": OwnFilm | None}  # fmt: skip
 """What pages draw of the evidence of any kind, by its key."""
 
 
@@ -89,7 +85,7 @@ def find_wrong_pictures(evidence: Any) -> Iterator[tuple[str, str]]:
         return
     for key, shape in SHAPES.items():
         try:
-            shape.validate_python(evidence.get(key))
+            TypeAdapter(shape).validate_python(evidence.get(key))
         except ValidationError as error:
             place, why = next(misread(error, evidence[key], lambda _: ()))
             yield key, f"{'.'.join(map(str, (key, *place)))}: {why}"

@@ -1,6 +1,7 @@
 """What plug-ins of every sort share: how an entry point is loaded, and what a kind remarks on an author's keys."""
 
-from importlib.metadata import EntryPoint
+from functools import cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
 from traceback import walk_tb
 from typing import Any, NamedTuple
@@ -14,6 +15,18 @@ class Remark(NamedTuple):
 
     key: str
     why: str
+
+
+def find_points(group: str) -> EntryPoints:
+    """Returns what the installed packages offer in this entry-point group."""
+    points: EntryPoints = _read_points().select(group=group)
+    return points
+
+
+@cache
+def _read_points() -> Any:
+    """Reads what every installed package offers: with a hundred of them each reading takes 10 ms."""
+    return entry_points()
 
 
 def load_point(point: EntryPoint, what: str) -> Any:

@@ -47,7 +47,7 @@ class Finding(BaseModel):
     """The outcome of one criterion; `passed` is None if it is undecided. With "reveal": "direction", `direction` takes
     the place of `message`; None: no message there."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
     id: str
     title: str
@@ -63,7 +63,7 @@ class Finding(BaseModel):
 class Span(BaseModel):
     """A statement of a script: lines from 1, columns from 0 in characters; `end_column` is the one after its last."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
     line: int
     column: int
@@ -77,7 +77,7 @@ class Verdict(BaseModel):
     script, from 1, that the diagnosis is about, and `span` the statement there; None where it is about no line.
     `remark` is a sentence on a right answer."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
     status: Status
     points: float

@@ -21,7 +21,7 @@ CASES_MAX = 50
 class Strict(BaseModel):
     """Frozen; an unknown key is an error. Keys that begin with `x-` are removed before validation."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
 
 class Number(Strict):

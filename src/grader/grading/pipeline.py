@@ -18,6 +18,7 @@ import numpy as np
 import structlog
 
 from grader.domain.plugins import describe_error
+from grader.domain.progress import ignore_progress
 from grader.domain.run import Job, RunReport
 from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer, JailFault, ScriptStopped, TooLarge, Unprocessable
@@ -112,10 +113,6 @@ class Retries:
 
 COMMAND_RETRIES = Retries(tries=2, pause_s=0.5)
 """The retries of commands: enough for a jail that broke once, and short if the fault remains."""
-
-
-def ignore_progress(*_: object) -> None:
-    """Ignores how far a script is."""
 
 
 @dataclass(frozen=True)

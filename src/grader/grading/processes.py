@@ -1,14 +1,9 @@
-"""Grading processes: each has an interpreter and a jail of its own, so that grading uses every core. A process takes
-the content and submissions over a socket, and returns verdicts. It knows no database. It ends when its standard input
-does, so that none outlives the server or worker that started it, however that ended."""
+"""The handles of grading processes: each process has an interpreter and a jail of its own, so that grading uses every
+core. It takes the content and submissions over a socket, and returns verdicts; `process_main` is what runs in it. This
+module imports little: a server starts the processes first, and imports the rest meanwhile."""
 
-import gc
 import os
 import queue
-import re
-import resource
-import shutil
-import signal
 import socket
 import subprocess
 import sys
@@ -21,19 +16,19 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import structlog
 
-from grader.domain.progress import TrialProgress
-from grader.domain.verdict import Verdict
-from grader.errors import JailFault, JailRefused, ScriptStopped
-from grader.exercises import Tell, list_codes, use_jail
-from grader.grading.pipeline import Pipeline, ignore_progress
-from grader.library import Library
-from grader.logs import log_to_stderr, logs_json
+from grader.domain.progress import TrialProgress, ignore_progress
+from grader.errors import JailFault
+from grader.logs import logs_json
 from grader.metrics import GRADERS_BROKEN
-from grader.sandbox.jail import Jail
+
+if TYPE_CHECKING:
+    from grader.domain.verdict import Verdict
+    from grader.exercises import Tell
+    from grader.library import Library
 
 START_S = 180.0
 """Longest start of a process with its jail and self-test [s]."""
@@ -41,23 +36,15 @@ VERDICT_S = 900.0
 """Longest wait for a verdict, far above every limit of a script; then the process is ended and started anew [s]."""
 PROGRESS_S = 0.5
 """Pause between two reports of how far a script is: a quick script makes none [s]."""
-BLOCK_BYTES = 4096
 
-JUDGING_BYTES_MAX = 2 << 30
-"""Most memory that judging one script may add to a grading process: results that take more are `out_of_memory`.
-
-Source: the exercises of the lesson add 0.06 to 0.17 GB, nearly all of it reserved for simulations that are kept and
-never touched; later scripts add little. So the limit follows what the process holds.
-"""
 
 END_S = 10.0
 """Longest end of a process; then it is killed [s]."""
 
-SWITCH_S = 0.0005
-"""As in the server: a script waits for its inputs while another thread compiles the models that judging needs [s]."""
 
-MAIN = "from grader.grading.processes import main; main()"
-"""Not `-m`, which would load this module twice: what is pickled here would be another class there."""
+MAIN = "import os; os.read(0, 1); from grader.grading.process_main import main; main()"
+"""It begins when it is told to. Not `-m`, which would load the module twice: what is pickled there would be of another
+class here."""
 
 log = structlog.get_logger()
 
@@ -90,7 +77,8 @@ class ScriptProgress:
 
 
 class GradingProcess:
-    """The handle of one process. One thread at a time may use it, and any may `stop` its script."""
+    """The handle of one process, which does nothing until `begin`. One thread at a time may use it, and any may `stop`
+    its script."""
 
     def __init__(self, *, allow_t2: bool) -> None:
         # A script reads the models of the content that it is graded with, whatever the content folder holds now.
@@ -113,13 +101,23 @@ class GradingProcess:
         """The id of the process."""
         return self._process.pid
 
-    def wait_until_ready(self) -> None:
-        """Waits for the jail. Raises JailRefused if this machine cannot hold it, JailFault if the process ends."""
-        self.jail = self._receive(START_S)
+    def begin(self) -> None:
+        """Lets the process start; once more is no harm."""
+        assert self._process.stdin is not None
+        with suppress(OSError, ValueError):  # it has ended, which whoever waits for it is told
+            os.write(self._process.stdin.fileno(), b"\n")
 
-    def judge(self, library: Library, script: Script, tell: Tell = ignore_progress) -> Verdict:
+    def wait_until_ready(self) -> None:
+        """Waits for the jail unless it is ready. Raises JailRefused if this machine cannot hold it, JailFault if the
+        process ends."""
+        if not self.jail:
+            self.begin()
+            self.jail = self._receive(START_S)
+
+    def judge(self, library: "Library", script: Script, tell: "Tell" = ignore_progress) -> "Verdict":
         """Judges a script against this content; `tell` hears how far it is, every PROGRESS_S at most. Raises
         ScriptStopped, and JailFault if the process ends or breaks, and ends it then."""
+        self.wait_until_ready()
         try:
             with self._sending:
                 if library is not self._library:
@@ -128,12 +126,11 @@ class GradingProcess:
                     self._library = library
                 self._connection.send(script)
                 self._running = script.name
-            verdict = self._receive(VERDICT_S, tell)
+            verdict: Verdict = self._receive(VERDICT_S, tell)
         except OSError as error:
             raise self._broken(str(error)) from error
         finally:
             self._running = ""
-        assert isinstance(verdict, Verdict)
         return verdict
 
     def stop(self, name: str) -> None:
@@ -159,7 +156,7 @@ class GradingProcess:
         self._connection.close()
         self._models.cleanup()
 
-    def _receive(self, patience_s: float, tell: Tell = ignore_progress) -> Any:
+    def _receive(self, patience_s: float, tell: "Tell" = ignore_progress) -> Any:
         """Returns the answer; hands on the newest progress on the way, and only that."""
         deadline = time.monotonic() + patience_s
         due, newest = time.monotonic() + PROGRESS_S, None
@@ -195,24 +192,27 @@ class Graders:
         self.jail: Mapping[str, Any] = {}
 
     def begin(self) -> None:
-        """Starts the processes without waiting for them; `start` does."""
+        """Starts the first process without waiting for it; `start` does."""
         self._all = [self._new() for _ in range(self._count)]
+        for first in self._all[:1]:
+            first.begin()
 
     def start(self) -> None:
-        """Starts the processes, all at the same time, unless they have begun; waits for them. Raises JailRefused."""
+        """Starts the processes, and waits for the first: the others would take the cores from it and from a server that
+        starts. A script that one of them gets waits until it is ready. Raises JailRefused."""
         if not self._all:
             self.begin()
         try:
-            for process in self._all:
-                process.wait_until_ready()
+            self._all[0].wait_until_ready()
         except JailFault:
             self.close()
             raise
-        for place in range(self._count):
+        for place, process in enumerate(self._all):
+            process.begin()
             self._free.put(place)
         self.jail = self._all[0].jail
 
-    def judge(self, library: Library, script: Script, tell: Tell = ignore_progress) -> Verdict:
+    def judge(self, library: "Library", script: Script, tell: "Tell" = ignore_progress) -> "Verdict":
         """Judges a script in a free process; waits for one. Raises as a process does."""
         with self._free_process() as process:
             return process.judge(library, script, tell)
@@ -281,7 +281,7 @@ class Graders:
         self._all[place].wait_until_ready()
 
 
-def make_portable(library: Library) -> Library:
+def make_portable(library: "Library") -> "Library":
     """Returns the same content in plain dictionaries, which can be pickled, without the files that it was made of."""
     mappings: dict[str, Any] = {
         name: dict(value) for name, value in vars(library).items() if isinstance(value, Mapping)
@@ -289,85 +289,9 @@ def make_portable(library: Library) -> Library:
     return replace(library, **mappings | {"sources": {}})
 
 
-def write_models(library: Library, folder: Path) -> None:
+def write_models(library: "Library", folder: Path) -> None:
     """Makes a folder hold the models of the content, and no others. No script may run meanwhile."""
     for name in {path.stem for path in folder.iterdir()} - library.models.keys():
         (folder / f"{name}.xml").unlink()
     for name, xml in library.models.items():
         (folder / f"{name}.xml").write_bytes(xml.encode())
-
-
-def serve_scripts(connection: "Connection[Any, Any]", jail: Jail) -> None:
-    """Answers each script with its verdict, or with the error that says what ended it, until the parent ends."""
-    pipeline: Pipeline | None = None
-
-    def is_stopped() -> bool:
-        try:
-            return connection.poll() and connection.recv() == Stop(message.name)
-        except EOFError:
-            return True
-
-    while True:
-        try:
-            message = connection.recv()
-        except EOFError:
-            return
-        if isinstance(message, Stop):  # its script has ended
-            continue
-        if isinstance(message, Library):
-            pipeline = Pipeline(message, lambda job: jail.run(replace(job, is_stopped=is_stopped)))
-            continue
-        assert pipeline is not None and isinstance(message, Script)
-        limit_memory()
-        try:
-            parsed = pipeline.read(message.quiz, message.question, message.answer, message.seed)
-            connection.send(pipeline.judge(parsed, lambda *at: connection.send(ScriptProgress(*at))))
-        except ScriptStopped as stopped:
-            connection.send(stopped)
-        except Exception as error:
-            log.exception("grading failed", quiz=message.quiz, question=message.question)
-            connection.send(JailFault(f"grading failed: {type(error).__name__}"))
-
-
-def limit_memory() -> None:
-    """Limits what the next script may add to this process's memory. The soft limit alone: processes of the jail inherit
-    it, and take their own limits up to the hard one."""
-    held_kb = re.search(r"^VmData:\s*(\d+) kB$", Path("/proc/self/status").read_text(), re.M)
-    assert held_kb is not None
-    soft, hard = 1024 * int(held_kb[1]) + JUDGING_BYTES_MAX, resource.getrlimit(resource.RLIMIT_DATA)[1]
-    resource.setrlimit(resource.RLIMIT_DATA, (soft if hard == resource.RLIM_INFINITY else min(soft, hard), hard))
-
-
-def end_with_parent(jail: Jail, models: Path) -> None:
-    """Ends this process and its jail as soon as the parent's end of standard input is closed. Removes the folder of
-    models too: a parent that was killed does not."""
-    while os.read(sys.stdin.fileno(), BLOCK_BYTES):  # a buffered reader's lock would be held when the interpreter ends
-        pass
-    backstop = threading.Timer(END_S / 2, os._exit, (0,))
-    backstop.daemon = True
-    backstop.start()
-    shutil.rmtree(models, ignore_errors=True)
-    jail.close()
-    os._exit(0)
-
-
-def main() -> None:
-    """Runs one grading process: the socket's number, the folder of models, and perhaps --allow-t2 and --json-log."""
-    log_to_stderr(as_json="--json-log" in sys.argv)
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the parent decides when to end
-        signal.signal(number, signal.SIG_IGN)
-    sys.setswitchinterval(SWITCH_S)
-    connection: Connection[Any, Any] = Connection(int(sys.argv[1]))
-    try:
-        jail = Jail(Path(sys.argv[2]), 1, allow_t2="--allow-t2" in sys.argv, codes=list_codes())
-    except JailFault as fault:
-        connection.send(JailRefused(str(fault)))
-        return
-    threading.Thread(target=end_with_parent, args=(jail, Path(sys.argv[2])), daemon=True).start()
-    use_jail(jail.run_beside)
-    with jail, suppress(BrokenPipeError):
-        integrators = f"kept: {jail.keeps_integrators}" if jail.keeps_integrators else "removable"
-        gc.freeze()
-        connection.send({"tier": jail.tier, "self_test": str(jail.self_test), "integrators": integrators})
-        serve_scripts(connection, jail)
-        shutil.rmtree(sys.argv[2], ignore_errors=True)  # the parent has ended, or does it as well

@@ -4,7 +4,7 @@ import inspect
 import re
 from collections.abc import Iterator, Mapping
 from functools import cache, reduce
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from operator import or_
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,7 +13,7 @@ from pydantic import Discriminator, GetCoreSchemaHandler, Tag, TypeAdapter
 from pydantic_core import CoreSchema
 
 from grader.domain.lab import Lab, LabConfig, UnknownLab
-from grader.domain.plugins import load_point
+from grader.domain.plugins import find_points, load_point
 from grader.errors import PluginError
 from grader.labs.kind import SCRIPT, TEMPLATE, LabKind, LabSettings
 
@@ -41,7 +41,7 @@ def lab_kinds() -> Mapping[str, AnyLabKind]:
     """Returns every installed kind by each of its names, in the order of the names of the entry points. Raises
     PluginError if two kinds claim one name, or if a kind cannot be loaded or is not whole."""
     found: dict[str, AnyLabKind] = {}
-    for point in sorted(entry_points(group=GROUP)):
+    for point in sorted(find_points(GROUP)):
         kind = load_lab_kind(point)
         for name in kind.names:
             if name in found:

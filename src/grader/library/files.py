@@ -65,8 +65,10 @@ def _path_fault(root: Path, name: str) -> str | None:
     if not name or Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name or "\0" in name:
         return "must be relative to the content folder and stay inside it"
     real = Path(os.path.realpath(root / name))
+    if real.is_file() and real.is_relative_to(root.resolve()):
+        return None
     if any(part.is_symlink() for part in (real, *real.parents)):  # which is left of links that lead to no file
         return "is a link that leads back to itself"
     if not real.is_relative_to(root.resolve()):
         return "is a link out of the content folder: put the file itself there"
-    return None if real.is_file() else "is not a file of the content folder"
+    return "is not a file of the content folder"

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -9,6 +10,9 @@ from grader.errors import Fault
 
 DEPTH_MAX = 50
 """Deepest nesting of lists and objects."""
+
+
+SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 class JsonObject(dict[str, Any]):
@@ -80,7 +84,7 @@ def json_faults(value: Any, file: str, key: str) -> Iterator[Fault]:
     elif isinstance(value, list):
         for index, item in enumerate(value):
             yield from json_faults(item, file, dotted(key, index))
-    elif isinstance(value, str) and any("\ud800" <= character <= "\udfff" for character in value):
+    elif isinstance(value, str) and SURROGATE.search(value):
         yield Fault(file, key, "holds half a surrogate pair, which is not a character: write the character itself")
     elif isinstance(value, float) and not math.isfinite(value):
         yield Fault(file, key, "must be a finite number: JSON has no NaN and no infinity")

@@ -1,7 +1,8 @@
 """Loads a content folder, and collects the faults of all its files."""
 
+import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -211,8 +212,16 @@ def _keep(loading: _Loading, quiz: Quiz, file: str, raw: dict[str, Any]) -> None
     loading.files[quiz.id] = file
     if loading.question is not None:
         return
-    for key, part in named_parts(raw):
-        loading.warnings.extend(prose_warnings(part, file, key))
+    loading.warnings.extend(
+        loading.passed.run(  # reading the TeX of a course takes longer than all else
+            "prose",
+            [file, json.dumps(raw)],
+            lambda _: [fault for key, part in named_parts(raw) for fault in prose_warnings(part, file, key)],
+            text_of=partial(_read_into, {}, loading.root),
+            write=lambda remarks: [asdict(remark) for remark in remarks],
+            read=lambda kept: [Fault(**remark) for remark in kept],
+        )
+    )
     loading.warnings.extend((*question_warnings(quiz, file), *lab_warnings(quiz, file)))
 
 

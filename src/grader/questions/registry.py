@@ -4,7 +4,7 @@ import inspect
 import json
 from collections.abc import Iterator, Mapping
 from functools import cache, reduce
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from operator import or_
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from pydantic import Field, GetCoreSchemaHandler, TypeAdapter
 from pydantic_core import CoreSchema
 
-from grader.domain.plugins import load_point
+from grader.domain.plugins import find_points, load_point
 from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer, PluginError
 from grader.questions.drawing import fill_in_middle
@@ -30,7 +30,7 @@ def installed_kinds() -> Mapping[str, AnyKind]:
     """Returns every installed kind by each of its names, in the order of the names of the entry points. Raises
     PluginError if two kinds claim one name, or if a kind cannot be loaded or is not whole."""
     found: dict[str, AnyKind] = {}
-    for point in sorted(entry_points(group=GROUP)):
+    for point in sorted(find_points(GROUP)):
         kind = load_kind(point)
         for name in kind.names:
             if name in found:

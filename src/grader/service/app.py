@@ -157,11 +157,10 @@ def lifespan_of(services: Services) -> Any:
             recomputing.start()
             services.writer.start()
             await run_in_threadpool(release_all, database)
+            gc.freeze()  # what is there from now on is never walked again; a last walk would take a tenth of a second
             if services.settings.workers:
                 await run_in_threadpool(graders.start)
                 worker.start()
-            gc.collect()
-            gc.freeze()  # what is there from now on is never walked again
             yield
         finally:
             await run_in_threadpool(recomputing.stop)

@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Any
 import structlog
 
 from grader.errors import ContentError
+from grader.grading.processes import Graders
 from grader.logs import is_json, log_to_stderr
 from grader.metrics import FOLDER, shared_folder
-from grader.service.accounts import tell_addresses
 from grader.settings import Settings
 
 if TYPE_CHECKING:
@@ -170,8 +170,6 @@ def serve(settings: Settings) -> None:
 
 def serve_alone(settings: Settings) -> None:
     """Serves in this process. The jails start while the app is imported and the content is checked."""
-    from grader.grading.processes import Graders
-
     gc.set_threshold(YOUNG_OBJECTS)
     graders = Graders(settings.workers, allow_t2=settings.allow_t2)
     with open_listener(settings.host, settings.port) as listener:
@@ -191,6 +189,7 @@ def serve_alone(settings: Settings) -> None:
 def tell_that_ready(settings: Settings, app: "FastAPI") -> None:
     """Prints the addresses of a service that is ready, and how its scripts are jailed."""
     from grader.gate.services import services_in
+    from grader.service.accounts import tell_addresses
 
     checks = services_in(app).readiness.checks
     tell_addresses(settings, checks["jail"]() if "jail" in checks else {})
@@ -227,6 +226,8 @@ def supervise(children: Sequence[Child], stopping: threading.Event, settings: Se
         if not is_ready:
             print("Not started: mend what is named above, then start again.", file=sys.stderr)
             return child.exit_status
+    from grader.service.accounts import tell_addresses
+
     tell_addresses(settings, children[-1].report)
     keepers = [threading.Thread(target=child.keep_running) for child in children]
     for keeper in keepers:

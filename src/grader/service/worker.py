@@ -19,12 +19,12 @@ from sqlalchemy.orm import Session
 from grader.courses.answering import results
 from grader.courses.answering.stopping import verdict_after
 from grader.courses.regrading.background import JudgeBy, Regrading
-from grader.domain.progress import TrialProgress
+from grader.domain.progress import TrialProgress, ignore_progress
 from grader.domain.verdict import Status, Verdict
 from grader.errors import ContentLost, NotFound, ScriptStopped, Unprocessable
 from grader.gate.monitoring import Monitor
 from grader.grading.content import Archive
-from grader.grading.pipeline import OUR_FAULT, Retries, ignore_progress
+from grader.grading.pipeline import OUR_FAULT, Retries
 from grader.grading.processes import Graders, Script
 from grader.library import PassedChecks
 from grader.logs import is_json, log_to_stderr

@@ -256,6 +256,9 @@ def _gathered_in_postgresql(element: Gathered, compiler: Any, **kw: Any) -> str:
     return f"CAST(json_object_agg({compiler.process(element.clauses, **kw)}) AS text)"
 
 
+ROWS_FETCHED = 500
+"""Rows that are fetched together. To hold tens of thousands costs memory, and for each look for garbage a walk."""
+
 STATISTICS = (
     select(
         Result.learner, Result.question, Result.points, Result.max_points,
@@ -267,11 +270,12 @@ STATISTICS = (
 )  # fmt: skip
 
 
-def of_quiz(session: Session, course: str, quiz: str) -> Sequence[Any]:
-    """The columns of `STATISTICS` of every result in a quiz that waits neither for a verdict nor a person. These are
-    the driver's own rows: SQLAlchemy would take as long again to wrap tens of thousands."""
+def of_quiz(session: Session, course: str, quiz: str) -> Iterator[Any]:
+    """Yields the columns of `STATISTICS` of every result in a quiz that waits neither for a verdict nor a person. These
+    are the driver's own rows: SQLAlchemy would take as long again to wrap tens of thousands. Few are held at a time."""
     with session.connection().execute(STATISTICS, {"course": course, "quiz": quiz}) as cursor_result:
-        return cursor_result.cursor.fetchall()
+        while rows := cursor_result.cursor.fetchmany(ROWS_FETCHED):
+            yield from rows
 
 
 def count_taking_part(session: Session, course: str, quizzes: Sequence[str]) -> int:

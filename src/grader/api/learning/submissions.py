@@ -15,7 +15,7 @@ from pydantic_core import to_json
 from sqlalchemy.orm import Session
 from starlette.exceptions import HTTPException
 
-from grader.api.bodies import RequestBody
+from grader.api.bodies import RequestBody, ResponseBody
 from grader.api.paging import Page, PageParams, page_of
 from grader.courses.answering.access import read_access
 from grader.courses.answering.intake import NewAnswer, Receipt
@@ -65,7 +65,7 @@ COMPARED_MAX = 20
 """Attempts that are read to compare one with, the newest ones."""
 
 
-class SubmissionView(BaseModel):
+class SubmissionView(ResponseBody):
     """A submission. `withheld` says when the feedback comes, where it may not be seen yet; `progress`, to its learner,
     how it compares with their earlier attempts, such as the same mistake again. Lists leave out `answer`;
     only instructors see `seed`, which draws the hidden cases. In an anonymous quiz `user` is a pseudonym for
@@ -87,7 +87,7 @@ class SubmissionView(BaseModel):
     seed: int | None = None
 
 
-class Interpretation(BaseModel):
+class Interpretation(ResponseBody):
     """What was understood of an answer, or the reason why it cannot be read."""
 
     valid: bool

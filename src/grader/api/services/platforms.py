@@ -4,9 +4,9 @@ A restricted token may do none of it: a link makes instructors."""
 from typing import Annotated, Any
 
 from fastapi import Depends, Request
-from pydantic import BaseModel, Field
+from pydantic import Field
 
-from grader.api.bodies import RequestBody
+from grader.api.bodies import RequestBody, ResponseBody
 from grader.api.paging import Page, RowId
 from grader.courses.people import platforms as rules
 from grader.courses.people.identity import Identity
@@ -47,14 +47,14 @@ class PlatformBody(RequestBody):
     origins: list[str] = Field(default_factory=list, max_length=20)
 
 
-class DeploymentView(BaseModel):
+class DeploymentView(ResponseBody):
     """An installation of this tool on a platform. Launches of one that is not approved are refused."""
 
     deployment_id: str
     approved: bool
 
 
-class PlatformView(BaseModel):
+class PlatformView(ResponseBody):
     """A learning platform. Nobody comes from it until it is approved."""
 
     id: int
@@ -69,7 +69,7 @@ class PlatformView(BaseModel):
     deployments: list[DeploymentView]
 
 
-class ContextView(BaseModel):
+class ContextView(ResponseBody):
     """A platform's course. `course` is the one here that it is linked with, `wanted` one that it asks for."""
 
     id: int
@@ -81,13 +81,13 @@ class ContextView(BaseModel):
     has_roster: bool
 
 
-class RegistrationView(BaseModel):
+class RegistrationView(ResponseBody):
     """A single-use address for dynamic registration, valid for two days."""
 
     url: str
 
 
-class PulledView(BaseModel):
+class PulledView(ResponseBody):
     """What a roster came to: members, and people whom an instructor had removed."""
 
     members: int

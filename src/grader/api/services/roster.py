@@ -5,8 +5,8 @@ from typing import Annotated, Any
 from fastapi import Query, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
-from pydantic import BaseModel
 
+from grader.api.bodies import ResponseBody
 from grader.courses.people import oneroster, roster
 from grader.courses.people.enrolment import enrol, list_roster, list_roster_with_ids
 from grader.courses.people.identity import Identity
@@ -26,7 +26,7 @@ BINARY = {"schema": {"type": "string", "format": "binary"}}
 Namespace = Annotated[str, Query(max_length=64)]
 
 
-class EnrolledView(BaseModel):
+class EnrolledView(ResponseBody):
     """What a roster came to, in members."""
 
     dry_run: bool

@@ -4,10 +4,10 @@ from datetime import datetime
 from typing import Annotated, Any, Literal
 
 from fastapi import Query, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 from sqlalchemy import ColumnElement
 
-from grader.api.bodies import RequestBody
+from grader.api.bodies import RequestBody, ResponseBody
 from grader.api.paging import NO_NUL, CursorQuery, Page, page_of
 from grader.courses.sending import outbox, webhooks
 from grader.domain.addresses import LENGTH
@@ -31,7 +31,7 @@ class WebhookBody(RequestBody):
     url: str = Field(min_length=1, max_length=LENGTH, pattern=NO_NUL)
 
 
-class WebhookView(BaseModel):
+class WebhookView(ResponseBody):
     """A webhook without its secrets. `disabled_at` is set once the receiver has answered 410."""
 
     id: str
@@ -49,7 +49,7 @@ class NewSecret(WebhookView):
     secret: str
 
 
-class DeliveryView(BaseModel):
+class DeliveryView(ResponseBody):
     """What has to be delivered: the newest change of a learner's result. `question` is null for a whole quiz."""
 
     id: str
@@ -66,7 +66,7 @@ class DeliveryView(BaseModel):
     sent_at: datetime | None
 
 
-class Replayed(BaseModel):
+class Replayed(ResponseBody):
     """How many dead letters are delivered once more."""
 
     replayed: int

@@ -4,9 +4,9 @@ from datetime import datetime
 from typing import Annotated, Any, Literal
 
 from fastapi import Query, Response
-from pydantic import BaseModel, Field
+from pydantic import Field
 
-from grader.api.bodies import RequestBody
+from grader.api.bodies import RequestBody, ResponseBody
 from grader.api.paging import NO_NUL, CursorQuery, Page, next_link, page_of, write_cursor
 from grader.courses.regrading import regrades
 from grader.courses.regrading.regrades import IDS_MAX, Scope, Wanted, view
@@ -43,7 +43,7 @@ class RegradeBody(RequestBody):
         return Wanted(self.quiz, self.question, scope, self.dry_run)
 
 
-class Progress(BaseModel):
+class Progress(ResponseBody):
     """How many submissions are in the scope and regraded, and what became of them."""
 
     total: int
@@ -51,7 +51,7 @@ class Progress(BaseModel):
     outcomes: dict[str, int]
 
 
-class RegradeView(BaseModel):
+class RegradeView(ResponseBody):
     """A regrade. `reason` says why it failed."""
 
     id: str

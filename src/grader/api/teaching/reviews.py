@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Self
 
 from fastapi import Header, Query, Response
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 from sqlalchemy.orm import Session
 
-from grader.api.bodies import RequestBody
+from grader.api.bodies import RequestBody, ResponseBody
 from grader.api.learning.submissions import SubmissionView, etag_of, is_current, view, visible
 from grader.api.paging import NO_NUL, Page, PageParams, PageQuery, page_of
 from grader.api.teaching.saved_comments import comment_view
@@ -100,7 +100,7 @@ class ReviewView(SubmissionView):
     comments: list[dict[str, Any]]
 
 
-class SecondMark(BaseModel):
+class SecondMark(ResponseBody):
     """A second mark, and whether it agrees with the first. It does not show the first one's points."""
 
     submission_id: str

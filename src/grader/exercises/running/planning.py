@@ -4,14 +4,14 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any
 
 import numpy as np
 
 from grader.domain.axes import Placed
 from grader.domain.misread import without_remarks
-from grader.domain.plugins import load_point
+from grader.domain.plugins import find_points, load_point
 from grader.domain.run import Job, Limits
 from grader.errors import GraderError, NotFound, PluginError
 from grader.exercises.driving.embedding import CATCHING, DRIVER, SAVING, WATCH, compile_driver, save_models
@@ -49,7 +49,7 @@ def load_kinds() -> Mapping[str, AnyKind]:
     """Returns every installed kind by its name. Raises PluginError if two claim one name, or if one cannot be loaded or
     is not whole."""
     kinds: dict[str, AnyKind] = {}
-    for point in entry_points(group=GROUP):
+    for point in find_points(GROUP):
         if point.name in kinds:
             raise PluginError(f"two installed packages provide the exercise kind {point.name!r}: uninstall one of them")
         kinds[point.name] = load_kind(point)

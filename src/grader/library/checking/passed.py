@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points, version
+from importlib.metadata import EntryPoint, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import structlog
 
 from grader import labs, questions
+from grader.domain.plugins import find_points
 from grader.errors import NotFound
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 log = structlog.get_logger()
 
-VERSIONS = ("mujoco", "numpy", "scipy", "pydantic")
+VERSIONS = ("mujoco", "numpy", "scipy", "pydantic", "latex2mathml")
 """The packages whose numbers or sentences a result holds."""
 
 AGE_S = 30 * 86400
@@ -147,11 +148,17 @@ def list_code() -> Iterator[Path]:
     for name in sorted({__name__.partition(".")[0], *(point.module.partition(".")[0] for point in list_points())}):
         found = find_spec(name)
         if found is not None and found.submodule_search_locations is not None:
-            yield from (
-                file for folder in found.submodule_search_locations for file in sorted(Path(folder).rglob("*.py"))
-            )
+            for folder in found.submodule_search_locations:
+                yield from list_modules(folder)
         elif found is not None and found.origin is not None:
             yield Path(found.origin)
+
+
+def list_modules(root: str) -> Iterator[Path]:
+    """Yields the source files below a folder, in order; `Path.rglob` takes three times as long."""
+    for folder, folders, names in os.walk(root):
+        folders.sort()
+        yield from (Path(folder, name) for name in sorted(names) if name.endswith(".py"))
 
 
 def list_points() -> list[EntryPoint]:
@@ -159,4 +166,4 @@ def list_points() -> list[EntryPoint]:
     from grader import exercises
 
     groups = (questions.GROUP, exercises.GROUP, labs.GROUP)
-    return sorted(point for group in groups for point in entry_points(group=group))
+    return sorted(point for group in groups for point in find_points(group))

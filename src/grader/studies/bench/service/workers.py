@@ -100,7 +100,7 @@ def hold_processes(server: int) -> Iterator[None]:
 def is_grading(pid: int) -> bool:
     """Whether this is a grading process."""
     with suppress(OSError):  # it has ended
-        return "grading.processes" in Path(f"/proc/{pid}/cmdline").read_text()
+        return "grading.process_main" in Path(f"/proc/{pid}/cmdline").read_text()
     return False
 
 
