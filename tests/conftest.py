@@ -97,7 +97,8 @@ def write_first_lesson(folder: Path) -> str:
 
 @pytest.fixture(scope="module", autouse=True)
 def spare_graders(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Lets the servers of a file take over grading processes; ends those that are left where processes are counted."""
+    """Lets the servers of a file take over grading processes; ends those that are left, and the jail
+    of authors' programs, where processes are counted."""
     module = sys.modules.get("support.spare_graders")
     if request.path.relative_to(HERE).parts[0] in KEEP_GRADERS:
         from support.spare_graders import keeping_spares
@@ -107,6 +108,8 @@ def spare_graders(request: pytest.FixtureRequest) -> Iterator[None]:
     else:
         if module is not None:
             module.end_spares()
+        if (authors := sys.modules.get("grader.library.authors_jail")) is not None:
+            authors.close_jail()
         yield
 
 

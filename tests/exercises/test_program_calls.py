@@ -23,7 +23,7 @@ from grader.exercises.running.program_calls import Kept, ProgramCall, ProgramCal
 from grader.grading.films import record_films
 from grader.grading.pipeline import Pipeline
 from grader.grading.processes import GradingProcess, Script
-from grader.library import Library, PassedChecks, load
+from grader.library import Library, PassedChecks, authors_jail, load
 from grader.sandbox.jail import Jail
 
 HEAD = "def arguments(model, numbers, rng):\n"
@@ -185,7 +185,7 @@ FAULTS = {
     f"{HEAD}    import os\n    os._exit(0)": "It ended its own process",
     f"{HEAD}    import ctypes\n    ctypes.string_at(0)": "Its process was ended by SIGSEGV",
     f"{HEAD}    raise SystemExit": "It called exit()",
-    f"{HEAD}    return [0.0] * 400_000": "made.py: arguments: ValueError: what it returns takes more than 2 MB as JSON",
+    f"{HEAD}    return [[1 / 3] * 120_000]": "arguments: ValueError: what it returns takes more than 2 MB as JSON",
     f"{HEAD}    return 5": "programs/made.py: arguments must return a list, not int",
     LOOPS: "It takes more than 0.5 s of CPU time. It was busy in line 3 of programs/made.py (while True: pass)",
 }
@@ -316,3 +316,14 @@ def test_a_grading_process_calls_programs_in_its_own_jail(tmp_path: Path) -> Non
             assert verdict.status is Status.CORRECT
     finally:
         process.close()
+
+
+def test_the_jail_of_a_process_that_loads_content_is_closed_and_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls_in(authors_jail.run_in_authors_jail, monkeypatch)
+    text = f"{HEAD}    return [rng.integers(9)]\n"
+    before = call(text)
+    authors_jail.close_jail()
+    authors_jail.close_jail()
+    assert call(text, seed=2) != []
+    assert call(text) == before
+    authors_jail.close_jail()

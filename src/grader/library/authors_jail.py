@@ -30,7 +30,7 @@ def run_in_authors_jail(job: Job) -> RunReport:
 
 @cache
 def open_jail() -> "Jail | JailRefused":
-    """Opens the jail, which ends with the process; or returns why the machine allows none."""
+    """Opens the jail, which is closed with the process; or returns why the machine allows none."""
     if sys.platform != "linux":
         return JailRefused("The jail needs Linux.")
     from grader.sandbox.jail import Jail
@@ -39,8 +39,16 @@ def open_jail() -> "Jail | JailRefused":
     atexit.register(models.cleanup)
     Path(models.name).chmod(0o755)
     try:
-        jail = Jail(Path(models.name), 1, allow_t2=Settings().allow_t2)
+        return Jail(Path(models.name), 1, allow_t2=Settings().allow_t2)
     except JailRefused as refused:
         return refused
-    atexit.register(jail.close)
-    return jail
+
+
+@atexit.register
+def close_jail() -> None:
+    """Closes the jail, if it is open. A later call opens another."""
+    with _opening:
+        jail = open_jail() if open_jail.cache_info().currsize else None
+        if jail is not None and not isinstance(jail, JailRefused):
+            jail.close()
+            open_jail.cache_clear()

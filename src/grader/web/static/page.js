@@ -1,5 +1,5 @@
-// A learner's pages. The server renders everything; this sends forms in the background, takes over the parts of the
-// answer that changed, keeps drafts, and follows a script that is being graded. Without it the forms work as forms do.
+// A learner's pages. The server renders all; this sends forms, takes over the parts of the answer that changed, keeps
+// drafts, and follows a script that is being graded. Without it forms work as forms do.
 
 import { alone, Drafts, same } from "./drafts.js";
 import { localise } from "./times.js";
@@ -7,7 +7,7 @@ import { localise } from "./times.js";
 const TYPING_MS = 300;
 const POLL_MS = 1500;
 const SILENCE_MS = 6000;
-const LABS = "[data-form], [data-film]"; // what runs
+const LABS = "[data-form], [data-film]";
 const OFFLINE = "The server cannot be reached. Your answer is kept in this browser; send it again when you are back.";
 const SIGNED_OUT = "You are signed out. Your answer is kept in this browser: sign in in another tab, then send it again here.";
 
@@ -53,11 +53,11 @@ function adopt(form) {
   stepBack(form);
   for (const node of form.querySelectorAll("[data-js]")) node.hidden = false;
   const parts = form.querySelector("[data-arrange]");
-  if (parts) import("./arrange.js").then(({ arrange }) => arrange(parts)).catch(() => {}); // the lists do without it
+  if (parts) import("./arrange.js").then(({ arrange }) => arrange(parts)).catch(() => {});
   form.querySelector("[data-file]")?.addEventListener("change", (event) => load(form, event.target));
   const code = form.querySelector("textarea.code");
   if (code) numberLines(code, code.previousElementSibling);
-  const edit = () => import("./editor.js").then(({ openEditor }) => openEditor(code)).catch(() => {}); // the textarea does without it
+  const edit = () => import("./editor.js").then(({ openEditor }) => openEditor(code)).catch(() => {});
   if (code) new PerformanceObserver((_, paints) => paints.disconnect(edit())).observe({ type: "paint", buffered: true });
   code?.addEventListener("keydown", (event) => {
     if (event.key === "Enter" && !event.isComposing && (event.ctrlKey || event.metaKey)) form.requestSubmit();
@@ -132,7 +132,7 @@ async function send(form, submitter) {
 
 async function pageOf(response) {
   const page = new DOMParser().parseFromString(await response.text(), "text/html");
-  page.querySelectorAll("[autofocus]").forEach((one) => one.removeAttribute("autofocus")); // for pages without this script
+  page.querySelectorAll("[autofocus]").forEach((one) => one.removeAttribute("autofocus")); // for pages without scripts
   localise(page);
   return page;
 }
@@ -278,7 +278,7 @@ async function load(form, input) {
   } catch {
     tell(form, "This file is not UTF-8 text; save it as plain text.", true);
   }
-  input.value = ""; // the same file may be loaded again
+  input.value = "";
 }
 
 // Labs and films are fetched when they come near the screen.
