@@ -43,8 +43,8 @@ END_S = 10.0
 
 
 MAIN = "import os; os.read(0, 1); from grader.grading.process_main import main; main()"
-"""It begins when it is told to. Not `-m`, which would load the module twice: what is pickled there would be of another
-class here."""
+"""The process waits for a byte before it begins. With `-m` the module would be loaded twice, and what it pickles would
+be of another class than here."""
 
 log = structlog.get_logger()
 
@@ -104,7 +104,7 @@ class GradingProcess:
     def begin(self) -> None:
         """Lets the process start; once more is no harm."""
         assert self._process.stdin is not None
-        with suppress(OSError, ValueError):  # it has ended, which whoever waits for it is told
+        with suppress(OSError, ValueError):  # it has ended; who waits for it is told
             os.write(self._process.stdin.fileno(), b"\n")
 
     def wait_until_ready(self) -> None:

@@ -8,7 +8,7 @@ from itertools import zip_longest
 from typing import Any, NamedTuple
 
 NOTHING = "nothing"
-"""What stands in the place of a value that is not there."""
+"""Is shown for a missing value."""
 AROUND = 6
 """Words of a long text that are shown before and after those that differ."""
 SHORT = 80

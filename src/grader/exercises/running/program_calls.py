@@ -182,7 +182,7 @@ def read_json(text: bytes, call: ProgramCall) -> dict[str, Any]:
     except (ValueError, RecursionError):
         answer = None
     if not isinstance(answer, dict):
-        raise ValueError(f"{call.path}: {call.function} sends back what is no result")
+        raise ValueError(f"{call.path}: {call.function} sends back no JSON object")
     return answer
 
 

@@ -23,7 +23,7 @@ LUCKS_MAX = 1000
 
 FAILED = (
     "Whether a fixed answer passes is not known. Answers are graded all the same: mend what is named here, or tell "
-    "whoever wrote the kind; the log has the details."
+    "the author of the kind. The log has the details."
 )
 
 log = structlog.get_logger()

@@ -8,6 +8,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
+from grader.domain.pictures import Table
 from grader.domain.verdict import Status
 from grader.web.text.numbers import capitalize, number, points, quantity, unbroken
 from grader.web.text.prose import cached_prose
@@ -87,7 +88,7 @@ class Card:
     script: MarkedScript | None = None
     tableau: read.Tableau | None = None
     values: tuple[read.Value, ...] = ()
-    tables: tuple[read.Table, ...] = ()
+    tables: tuple[Table, ...] = ()
     explanation: Markup = field(default_factory=Markup)
     stdout: str = ""
     stderr: str = ""
@@ -146,9 +147,9 @@ def build_card(given: Given) -> Card | None:
     )  # fmt: skip
 
 
-def list_tables(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Iterator[read.Table]:
+def list_tables(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Iterator[Table]:
     """Yields the tables of the evidence that have rows, each headed by the title of its case."""
-    for table in read.read_list(evidence, "tables", read.Table):
+    for table in read.read_list(evidence, "tables", Table):
         found = (title for id_, title in titles.items() if id_ == table.case or id_.startswith(f"{table.case}."))
         name = next(found, table.case).partition(": ")[0]
         if table.rows:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from grader.domain.pictures import OwnFilm
 from grader.web.text.numbers import quantity
 from grader.web.verdict import evidence as read
 
@@ -32,7 +33,7 @@ def describe_film(evidence: Mapping[str, Any]) -> FilmBox | None:
             "Two runs under the same force, one clock. The dashed outline over yours is the right one.",
             has_distance=True,
         )
-    if (own := read.read_one(evidence, "film", read.OwnFilm)) is not None:
+    if (own := read.read_one(evidence, "film", OwnFilm)) is not None:
         return FilmBox(own.title, own.about, choice=own.title)
     claims = read.read_list(evidence, "claims", read.Claim)
     if not any(claim.claim_ms or claim.said_none for claim in claims):

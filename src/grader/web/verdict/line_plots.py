@@ -4,8 +4,9 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
+from grader.domain.pictures import Chart, ChartAxis
 from grader.web.text.numbers import capitalize, number, quantity, unbroken
-from grader.web.verdict.evidence import Chart, ChartAxis, Difference, Order
+from grader.web.verdict.evidence import Difference, Order
 from grader.web.verdict.svg import Axis, Drawing, Point, Sketch, estimate_width
 
 HEIGHT, TOP, FOOT, LEFT = 250.0, 24.0, 44.0, 46.0

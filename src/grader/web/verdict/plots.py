@@ -8,6 +8,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from grader.domain.pictures import Chart
 from grader.web.text.numbers import capitalize, unbroken
 from grader.web.verdict import evidence as read
 from grader.web.verdict.line_plots import plot_chart, plot_difference, plot_order
@@ -64,7 +65,7 @@ def list_sketches(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Ite
     for difference in read.read_list(evidence, "differences", read.Difference):
         if (plot := plot_difference(difference, titles.get(difference.case, difference.case))) is not None:
             yield plot
-    charts = [chart for key in ("motions", "charts") for chart in read.read_list(evidence, key, read.Chart)]
+    charts = [chart for key in ("motions", "charts") for chart in read.read_list(evidence, key, Chart)]
     for index, chart in enumerate(charts):
         if (plot := plot_chart(chart, capitalize(unbroken(name_case(titles, chart.case))), index)) is not None:
             yield plot
