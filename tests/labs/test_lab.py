@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 import pytest
 
 from grader.domain.lab import LabConfig
@@ -95,23 +96,34 @@ def test_a_lab_without_controls_shows_a_tumbling_box() -> None:
     assert min(up) < -0.5 < 0.9 < max(up)
 
 
-@pytest.mark.cost
-def test_a_lab_run_costs_a_few_steps_by_hand() -> None:
-    """A run of 1,000 steps with 501 frames, as JSON and compressed, beside stepping by hand in Python.
+def record_by_hand(model: mujoco.MjModel, data: mujoco.MjData) -> bytes:
+    """Step, keep every second pose and energy, and compress: the lab's run as a short loop, without its promises."""
+    mujoco.mj_resetData(model, data)
+    frames, energies = [], []
+    for _ in range(501):
+        frames.append(np.round(np.hstack([data.geom_xpos, data.geom_xmat]), 4).tolist())
+        energies.append(float(data.energy[0] + data.energy[1]))
+        mujoco.mj_step(model, data, nstep=2)
+    return gzip.compress(json.dumps({"frames": frames, "energies": energies}).encode(), 5)
 
-    Measured: as much as 11,000 such steps. Not quite twice that is allowed.
+
+@pytest.mark.cost
+def test_a_lab_run_costs_little_more_than_a_loop_by_hand() -> None:
+    """A run of 1,000 steps with 501 frames, as JSON and compressed, beside a loop of Python that records as much.
+
+    Both are Python around MuJoCo: their ratio hardly depends on the processor. Measured:
+    2.2. Not quite twice that is allowed.
     """
     config = question_3()
     model = mujoco.MjModel.from_xml_string(SERVO)
     data = mujoco.MjData(model)
     ours, by_hand = [], []
-    for _ in range(10):
+    for _ in range(20):
         began = time.process_time()
         packed = gzip.compress(json.dumps(run_lab(config, SERVO).to_json()).encode(), 5)
         ours.append(time.process_time() - began)
         began = time.process_time()
-        for _ in range(5_000):
-            mujoco.mj_step(model, data)
+        record_by_hand(model, data)
         by_hand.append(time.process_time() - began)
     assert len(packed) < 5_000
     assert min(ours) < 4 * min(by_hand)

@@ -21,6 +21,7 @@ from sqlalchemy import (
     Float,
     Index,
     Integer,
+    Select,
     String,
     and_,
     bindparam,
@@ -265,14 +266,22 @@ def _choose_round(session: Session, priority: int, place: int) -> int:
     """Returns the first round in which a job at `place` is behind the head of the queue and alone in its share. Delayed
     jobs do not count: one that is tried again keeps its early place without holding back the head. If only such jobs
     are left, new ones join the last of their rounds."""
-    new = (JobRow.priority == priority, WAITS, JobRow.delayed_at.is_(None))
+    behind, after = session.connection().execute(ROUND, {"of": priority, "place": place}).one()
+    return int(behind if after is None else max(behind, after))
+
+
+def _select_round() -> Select[Any]:
+    of, place = bindparam("of", type_=Integer), bindparam("place", type_=BigInteger)
+    new = (JobRow.priority == of, WAITS, JobRow.delayed_at.is_(None))
     head = select(JobRow.round + case((JobRow.share > place, 1), else_=0)).where(*new).order_by(*ORDER).limit(1)
     own = select(func.max(JobRow.round) + 1).where(*new, JobRow.share == place)
-    last = select(func.max(JobRow.round)).where(JobRow.priority == priority)
+    last = select(func.max(JobRow.round)).where(JobRow.priority == of)
     # Both databases come to `last` only without a head: it reads the jobs in progress too, which no index orders.
     first = func.coalesce(head.scalar_subquery(), last.scalar_subquery(), 0)
-    behind, after = session.connection().execute(select(first, own.scalar_subquery())).one()
-    return int(behind if after is None else max(behind, after))
+    return select(first, own.scalar_subquery())
+
+
+ROUND = _select_round()
 
 
 def _match_claim(claimed: Claim) -> Any:

@@ -6,6 +6,7 @@ lock."""
 import hashlib
 from collections.abc import Collection, Iterator, Sequence
 from datetime import datetime
+from functools import cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
@@ -146,7 +147,8 @@ def note(session: Session, changed: Collection[LearnerAt], only: str = ALL, kind
         return []
     new = {"state": WAITING, "version": 1, "noted_at": now(), "has_job": False, "attempts": 0, "forced": False}
     rows = [{**new, **dict(zip(_KEY, key, strict=True)), "course": course} for key, course in sorted(keys.items())]
-    return [Noted(*row) for row in session.connection().execute(_insert_or_count(session), rows)]
+    statement = _build_insert_or_count(session.get_bind().dialect.name)
+    return [Noted(*row) for row in session.connection().execute(statement, rows)]
 
 
 _KEY = ("destination", "learner", "quiz", "question")
@@ -166,8 +168,9 @@ def _key_of_delivery(destination: Any, changed: LearnerAt) -> tuple[str, str, st
     return destination.id, changed.learner, changed.quiz, question
 
 
-def _insert_or_count(session: Session) -> Any:
-    row = insert_of(session.get_bind().dialect.name)(Delivery)
+@cache
+def _build_insert_or_count(dialect: str) -> Any:
+    row = insert_of(dialect)(Delivery)
     held_until = and_(Delivery.state == HELD, Delivery.has_job)
     change = {"state": case((held_until, HELD), else_=WAITING), "version": Delivery.version + 1,
               "noted_at": row.excluded.noted_at, "attempts": 0, "error": None}  # fmt: skip
@@ -191,9 +194,12 @@ def release_held(session: Session, course: str, quiz: str, learners: Collection[
     return [Noted(*row) for row in session.execute(held, execution_options=_UNCHANGED)]
 
 
+MARK_QUEUED = update(Delivery).where(Delivery.id.in_(bindparam("ids", expanding=True))).values(has_job=True)
+
+
 def mark_queued(session: Session, ids: Sequence[int]) -> None:
     """Says that these rows have their jobs."""
-    session.execute(update(Delivery).where(Delivery.id.in_(ids)).values(has_job=True), execution_options=_UNCHANGED)
+    session.connection().execute(MARK_QUEUED, {"ids": list(ids)})
 
 
 _UNCHANGED = {"synchronize_session": False}
