@@ -20,7 +20,7 @@ from grader.courses.reviewing import reviews
 from grader.courses.rules.rubric import Mark
 from grader.domain.verdict import Status, Verdict
 from grader.settings import Settings
-from grader.store import reviews as stored
+from grader.store.reviewing import reviews as stored
 from grader.store.tables import Submission
 from support.databases import database_url
 from support.sites import Site, open_site, write_content

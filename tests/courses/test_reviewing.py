@@ -24,10 +24,10 @@ from grader.domain.verdict import Status, Verdict
 from grader.errors import Conflict, NotFound
 from grader.library import Library, load
 from grader.store import intake, submissions
-from grader.store import reviews as stored
 from grader.store.engine.database import Database
 from grader.store.intake import AnswerKeys
 from grader.store.results import LearnerAt
+from grader.store.reviewing import reviews as stored
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Result, Submission, VerdictRow, now
 from support.databases import BACKENDS, open_database

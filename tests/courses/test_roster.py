@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.courses.people import oneroster
 from grader.courses.people.external import OWN, External
 from grader.courses.people.identity import Role
-from grader.courses.people.oneroster import read_files, read_zip, write_zip
-from grader.courses.people.roster import Entry, decode, read_roster, write_roster
+from grader.courses.people.rosters import oneroster
+from grader.courses.people.rosters.oneroster import read_files, read_zip, write_zip
+from grader.courses.people.rosters.roster import Entry, decode, read_roster, write_roster
 from grader.errors import FaultyRows, Unprocessable
 
 RUNS = "=+-@\t\r"

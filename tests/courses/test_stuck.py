@@ -12,7 +12,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.store import submissions
 from grader.store.engine.database import Database
 from grader.store.engine.ids import first_id
-from grader.store.reviews import NONE
+from grader.store.reviewing.reviews import NONE
 from grader.store.tables import Member, Review, Submission, now
 from support.databases import BACKENDS, open_database
 

@@ -14,16 +14,8 @@ import mujoco
 import numpy as np
 
 from grader.errors import ContentError, LabError
-from grader.expressions import (
-    UNDEFINED,
-    Machine,
-    Value,
-    Vector,
-    compile_program,
-    fields,
-    paths,
-    runtime,
-)
+from grader.expressions import UNDEFINED, Machine, Value, Vector, compile_program, fields, runtime
+from grader.expressions.compiling import paths
 from grader.expressions.values import Record, to_number, to_units
 
 SCENE = """

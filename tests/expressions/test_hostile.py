@@ -9,8 +9,8 @@ import pytest
 
 from grader.errors import ContentError, LabError
 from grader.expressions import UNDEFINED, Machine, Value, compile_program
-from grader.expressions.code import ALLOWED, build_statements, finish_code
-from grader.expressions.scope import RESERVED
+from grader.expressions.compiling.code import ALLOWED, build_statements, finish_code
+from grader.expressions.compiling.scope import RESERVED
 
 MODEL = mujoco.MjModel.from_xml_string(
     '<mujoco><worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody></mujoco>'

@@ -16,7 +16,7 @@ from starlette.requests import HTTPConnection
 
 from grader.api.learning.labs import LabBody
 from grader.api.paging import read_cursor
-from grader.courses.people.roster import read_roster
+from grader.courses.people.rosters.roster import read_roster
 from grader.courses.rules.csv_cells import FORMULA
 from grader.domain.lab import LabConfig
 from grader.errors import GraderError

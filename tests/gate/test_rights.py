@@ -28,9 +28,9 @@ from grader.gate.admission import PREFIX
 from grader.settings import Settings
 from grader.store import credentials, tickets
 from grader.store.engine.database import Database
-from grader.store.line_comments import LineComment
 from grader.store.outbox import DEAD, Delivery, Destination
 from grader.store.platforms import context_at
+from grader.store.reviewing.line_comments import LineComment
 from grader.store.tables import now
 from grader.web.routes import router as page_router
 from support.sites import ROOT, Site, open_site, write_content

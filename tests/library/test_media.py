@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from grader.domain.media import FOLDERS, sniff_type
+from grader.domain.pages.media import FOLDERS, sniff_type
 from grader.errors import ContentError
 from grader.library import Library, load, load_files
 from grader.library.lesson_text import Prose

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grader.domain.markup import plain_text, quoted
+from grader.domain.pages.markup import plain_text, quoted
 from grader.errors import InvalidAnswer
 from grader.questions.kinds.choice import options
 from grader.questions.kinds.number import numbers, quantities, spelling, units

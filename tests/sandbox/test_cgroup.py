@@ -12,9 +12,9 @@ import pytest
 
 from grader.domain.run import Job, Limits, RunStatus
 from grader.errors import JailFault
-from grader.sandbox import cgroup
-from grader.sandbox.cgroup import Group, find_delegated
 from grader.sandbox.jail import Jail, Tier
+from grader.sandbox.locks import cgroup
+from grader.sandbox.locks.cgroup import Group, find_delegated
 from grader.sandbox.policy import CGROUP_MEMORY_EXTRA, MB, THREADS_MAX
 from sandbox.conftest import Content
 

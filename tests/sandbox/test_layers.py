@@ -20,8 +20,9 @@ import pytest
 
 from grader.domain.run import Job, Limits, RunStatus
 from grader.errors import JailRefused
-from grader.sandbox import attest, cell, policy, seccomp, selftest
+from grader.sandbox import policy
 from grader.sandbox.jail import Jail
+from grader.sandbox.locks import attest, cell, seccomp, selftest
 from sandbox.conftest import ROOT, Content, landlock_abi
 
 DRIVER = "def run(student, inputs, submit):\n    submit('answer', [1.0])\n"

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from grader.domain.run import Job, RunStatus
-from grader.sandbox import cell
 from grader.sandbox.jail import Jail
+from grader.sandbox.locks import cell
 from sandbox.conftest import MODELS
 
 pytestmark = pytest.mark.jail

@@ -9,10 +9,11 @@ from sqlalchemy import select
 from grader.courses.people import members
 from grader.courses.people.identity import Role
 from grader.domain.verdict import Status, Verdict
-from grader.store import line_comments, submissions
+from grader.store import submissions
 from grader.store.engine.database import Database
 from grader.store.engine.ids import new_id
-from grader.store.line_comments import LineComment, TriedCopy
+from grader.store.reviewing import line_comments
+from grader.store.reviewing.line_comments import LineComment, TriedCopy
 from grader.store.tables import ERASED, Member, Submission
 from grader.store.upkeep import erasure
 from grader.store.upkeep.holdings import holdings_of

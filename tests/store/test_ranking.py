@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from grader.store import results
 from grader.store.engine.database import Database
 from grader.store.results import ORDERS, SHOWS, Ranking
-from grader.store.reviews import WAITING, unseen_marks
+from grader.store.reviewing.reviews import WAITING, unseen_marks
 from grader.store.tables import Member, Result, Review
 from support.databases import BACKENDS, open_database
 from support.seeding import Course, seed

@@ -20,7 +20,7 @@ from grader.service.demo import fill_demo
 from grader.settings import Settings
 from grader.store import submissions
 from grader.store.engine.ids import new_id
-from grader.store.line_comments import LineComment, TriedCopy
+from grader.store.reviewing.line_comments import LineComment, TriedCopy
 from grader.store.tables import Member, Submission, VerdictRow, now
 from web.browsing import LYING_ON_OTHERS, Chromium, findings, service
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grader.domain.markup import plain_text
-from grader.domain.prose import (
+from grader.domain.pages.markup import plain_text
+from grader.domain.pages.prose import (
     HTML_ATTRIBUTES,
     HTML_TAGS,
     MATHML_ATTRIBUTES,

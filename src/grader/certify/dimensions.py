@@ -10,7 +10,7 @@ import mujoco
 from tree_sitter import Node
 
 from grader.errors import GraderError
-from grader.expressions import syntax
+from grader.expressions.compiling import syntax
 from grader.questions.kinds.number.units import Rotation, convert, find_base_unit, known_unit
 
 BASES = {"meter": (1, 0, 0, 1.0), "kilogram": (0, 1, 0, 1.0), "gram": (0, 1, 0, 1e-3), "second": (0, 0, 1, 1.0),

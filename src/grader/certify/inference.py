@@ -5,7 +5,7 @@ import re
 from grader.certify.predict_keys import find_matching_select
 from grader.certify.stage_keys import find_stage
 from grader.domain.lab import LabConfig
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.domain.verify import ByOptions, ByStage, ByThreshold, ServoJoint, Verify
 from grader.questions import AnswerKey, NumberKey, OptionKey
 from grader.questions.kinds.number.units import known_unit

@@ -9,7 +9,7 @@ from typing import Any
 from grader.certify.certificate import Certificate, certify_choice, refuse
 from grader.certify.claims import check_claim, to_claim
 from grader.domain.lab import LabConfig, Select
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
 from grader.experiments.regime import Reading, Unresolved, compare_runs
 from grader.experiments.runs import (

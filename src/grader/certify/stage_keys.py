@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import mujoco
 
 from grader.certify.certificate import Certificate, certify_choice, refuse
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.domain.verify import ByStage
 from grader.experiments.runs import DATA_FIELDS, VerifyError, read_xml
 from grader.questions import ModelXml, OptionKey

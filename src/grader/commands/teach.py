@@ -20,7 +20,7 @@ from grader.commands.options import (
 from grader.errors import Unprocessable
 
 if TYPE_CHECKING:
-    from grader.courses.people.roster import Entry
+    from grader.courses.people.rosters.roster import Entry
     from grader.domain.policy import Extension
 
 cli = typer.Typer()
@@ -116,8 +116,8 @@ def import_roster(
     as_json: Json = False,
 ) -> None:
     """Make the people on a roster members: all of them, or none if a row is faulty."""
-    from grader.courses.people.enrolment import enrol
     from grader.courses.people.identity import DEFAULT_COURSE
+    from grader.courses.people.rosters.enrolment import enrol
 
     name, entries = read_entries(file, namespace, course_class)
     with open_database(data) as database, database.write() as session:
@@ -131,7 +131,7 @@ def import_roster(
 
 def read_entries(file: Path, namespace: str, course_class: str | None) -> tuple[str, list["Entry"]]:
     """Returns the name of the file that errors mention, and the people on the roster. Raises OSError, Unprocessable."""
-    from grader.courses.people import oneroster, roster
+    from grader.courses.people.rosters import oneroster, roster
 
     if file.is_dir():
         users, enrollments = (
@@ -152,9 +152,9 @@ def export_roster(
     data: Data = None,
 ) -> None:
     """Write the members of a course as CSV, or as a OneRoster zip file."""
-    from grader.courses.people import oneroster, roster
-    from grader.courses.people.enrolment import list_roster, list_roster_with_ids
     from grader.courses.people.identity import DEFAULT_COURSE
+    from grader.courses.people.rosters import oneroster, roster
+    from grader.courses.people.rosters.enrolment import list_roster, list_roster_with_ids
 
     name = course or DEFAULT_COURSE
     if form == "oneroster" and out is None:

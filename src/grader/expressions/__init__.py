@@ -13,11 +13,12 @@ list, and nothing else. Loops, calls, texts and arrays are bounded. Everything o
 `syntax` reads texts.
 """
 
-from grader.expressions import fields, syntax, texts, values
+from grader.expressions import fields, texts, values
+from grader.expressions.compiling import syntax
+from grader.expressions.compiling.syntax import ProgramKind
 from grader.expressions.fields import DATA_RESULTS, DATA_STATE
 from grader.expressions.machine import Machine
 from grader.expressions.program import Program, Run, compile_program
-from grader.expressions.syntax import ProgramKind
 from grader.expressions.values import UNDEFINED, RunError, Value, Vector, to_boolean, to_number
 
 __all__ = [

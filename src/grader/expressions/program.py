@@ -7,13 +7,13 @@ from typing import Any
 import mujoco
 
 from grader.errors import ContentError, Fault, LabError
-from grader.expressions.code import UNPLACED, Kind, finish_code
+from grader.expressions.compiling.code import UNPLACED, Kind, finish_code
+from grader.expressions.compiling.paths import BINDERS, bind_vector
+from grader.expressions.compiling.scope import Frame, Scope
+from grader.expressions.compiling.statements import Compiler
+from grader.expressions.compiling.syntax import START, ProgramKind, Source, SyntaxRefused
 from grader.expressions.machine import Machine
-from grader.expressions.paths import BINDERS, bind_vector
 from grader.expressions.runtime import NAMES
-from grader.expressions.scope import Frame, Scope
-from grader.expressions.statements import Compiler
-from grader.expressions.syntax import START, ProgramKind, Source, SyntaxRefused
 from grader.expressions.values import UNDEFINED, RunError, Value
 
 FILE = "<expression>"

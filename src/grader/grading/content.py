@@ -10,7 +10,7 @@ import structlog
 from sqlalchemy.orm import Session
 
 from grader.certify.keys import find_refused_keys
-from grader.domain.media import Media
+from grader.domain.pages.media import Media
 from grader.errors import ContentError, ContentLost, Fault, Outdated
 from grader.grading.pipeline import Pipeline
 from grader.library import NOTHING_PASSED, Library, PassedChecks, load, load_files

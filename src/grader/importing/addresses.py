@@ -8,8 +8,8 @@ from urllib.parse import quote, unquote, urljoin, urlsplit
 
 from markdown_it.token import Token
 
-from grader.domain.markup import quoted
-from grader.domain.media import PICTURES, find_type, is_served
+from grader.domain.pages.markup import quoted
+from grader.domain.pages.media import PICTURES, find_type, is_served
 from grader.errors import Fault
 from grader.library.files import read_bytes
 from grader.library.lesson_text import LINKS, find_number

@@ -18,7 +18,7 @@ from markdown_it.token import Token
 from pydantic import TypeAdapter
 
 from grader.domain.lab import Lab, LabConfig
-from grader.domain.media import replace_addresses
+from grader.domain.pages.media import replace_addresses
 from grader.errors import ContentError, Fault
 from grader.importing.addresses import Addresses
 from grader.importing.passages import PRINTED, write_case, write_fence, write_program, write_widget

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.library.markdown.writing import choose_mark
 
 PROGRAM = ("code", "program", "input", "in")

@@ -11,8 +11,8 @@ from types import MappingProxyType
 
 from markdown_it.token import Token
 
-from grader.domain.markup import plain_text, quoted
-from grader.domain.media import Media, find_named, find_path
+from grader.domain.pages.markup import plain_text, quoted
+from grader.domain.pages.media import Media, find_named, find_path
 from grader.errors import Fault
 from grader.library.checking.prose_remarks import list_prose_remarks
 from grader.library.markdown.front_matter import read_front_matter, split_front_matter

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from grader.domain.lab import Lab, UnknownLab
-from grader.domain.media import Media
+from grader.domain.pages.media import Media
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import ContentError, Fault, NotFound
 from grader.library.authors_jail import run_in_authors_jail

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from grader.domain.media import (
+from grader.domain.pages.media import (
     ENDINGS,
     FOLDERS,
     Media,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from grader.domain.media import Media
+from grader.domain.pages.media import Media
 from grader.errors import Fault, NotFound
 from grader.questions import Question, Quiz, kind_of
 

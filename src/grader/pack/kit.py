@@ -10,7 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.errors import NotFound
 from grader.exercises import describe_exercise, list_visible_models
 from grader.library import Library

@@ -14,7 +14,7 @@ from grader.courses.people import platforms as rules
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity, Role
 from grader.courses.people.platforms import Person
-from grader.courses.people.roster import is_email
+from grader.courses.people.rosters.roster import is_email
 from grader.domain.platform import Platform
 from grader.errors import Conflict, Forbidden, Unprocessable
 from grader.platforms.launching import claims as words

@@ -1,6 +1,6 @@
 """Quizzes and their questions; each question is of a kind, which is a plug-in. A kind imports from here alone."""
 
-from grader.domain.markup import plain_text, quoted
+from grader.domain.pages.markup import plain_text, quoted
 from grader.domain.plugins import Remark
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.domain.verify import Verify

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.domain.verdict import Finding, Status, Verdict
 from grader.questions import Question, Quiz, kind_of
 

@@ -13,7 +13,7 @@ from typing import Self
 
 from grader.domain.run import MODULE_BYTES_MAX, Job, Limits, RunReport, RunStatus
 from grader.errors import JailFault, JailRefused
-from grader.sandbox import cell, cgroup, selftest
+from grader.sandbox.locks import cell, cgroup, selftest
 from grader.sandbox.policy import MB
 from grader.sandbox.pool import Pool
 from grader.sandbox.report import build_report

@@ -6,7 +6,7 @@ import os
 import time
 from dataclasses import dataclass
 
-from grader.sandbox.attest import read_proc
+from grader.sandbox.locks.attest import read_proc
 
 CLOCK_OF_PROCESS = 2  # CPUCLOCK_SCHED; the clock's number is made from the pid, see clock_getcpuclockid(3)
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")

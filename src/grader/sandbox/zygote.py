@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from grader.errors import JailFault
-from grader.sandbox import attest, cell, policy, seccomp
-from grader.sandbox.cgroup import Group
+from grader.sandbox import policy
+from grader.sandbox.locks import attest, cell, seccomp
+from grader.sandbox.locks.cgroup import Group
 
 PACKET_BYTES_MAX = 1 << 16
 START_S_MAX = 60.0

@@ -11,7 +11,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from grader.api.learning.labs import LabBody, find_lab, record
-from grader.domain.media import ADDRESS
+from grader.domain.pages.media import ADDRESS
 from grader.errors import CallerError, NotFound
 from grader.library import Library, PassedChecks
 from grader.library.media import read_media

@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 from sqlalchemy import LargeBinary, String, Text, delete, select
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from grader.domain.media import FOLDERS, Media, find_type
+from grader.domain.pages.media import FOLDERS, Media, find_type
 from grader.store.tables import NAME, Base, now
 
 EVERY = ""

@@ -24,7 +24,7 @@ from sqlalchemy.sql.functions import FunctionElement
 
 from grader.store.engine.bulk import TableRows, insert_rows
 from grader.store.engine.names import Folded, holds
-from grader.store.reviews import unseen_places
+from grader.store.reviewing.reviews import unseen_places
 from grader.store.submissions import NEWEST
 from grader.store.tables import Credential, Member, Result, ResultRevision, Submission, VerdictRow
 

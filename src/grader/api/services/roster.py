@@ -7,10 +7,10 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
 from grader.api.bodies import ResponseBody
-from grader.courses.people import oneroster, roster
-from grader.courses.people.enrolment import enrol, list_roster, list_roster_with_ids
 from grader.courses.people.identity import Identity
-from grader.courses.people.roster import NAMESPACE, Entry
+from grader.courses.people.rosters import oneroster, roster
+from grader.courses.people.rosters.enrolment import enrol, list_roster, list_roster_with_ids
+from grader.courses.people.rosters.roster import NAMESPACE, Entry
 from grader.courses.rules.csv_cells import BOM
 from grader.errors import Unprocessable
 from grader.gate.callers import Staff, api_router

@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 from grader.courses.people.namesakes import marks_in
 from grader.courses.reviewing.blinding import unseen_by
 from grader.courses.rules.gradebook import Column, Form, Row, Unit, gradebook_csv
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.gate.callers import IfNoneMatch, Staff, api_router
 from grader.gate.conditional import etag_of, is_unchanged
 from grader.gate.problems import refusals

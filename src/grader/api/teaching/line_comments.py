@@ -14,7 +14,7 @@ from grader.courses.reviewing import line_comments
 from grader.gate.callers import Instructor, Learner, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
-from grader.store.line_comments import LineComment, on_submissions
+from grader.store.reviewing.line_comments import LineComment, on_submissions
 from grader.store.tables import Submission
 
 router = api_router("reviews")

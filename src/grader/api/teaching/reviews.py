@@ -23,9 +23,9 @@ from grader.gate.callers import Instructor, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
 from grader.questions import kind_of
-from grader.store import reviews as stored
 from grader.store import submissions
-from grader.store.reviews import comments_on
+from grader.store.reviewing import reviews as stored
+from grader.store.reviewing.reviews import comments_on
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Review, ReviewClaim, Submission, now
 

@@ -11,7 +11,7 @@ from grader.courses.reviewing import comments
 from grader.gate.callers import Instructor, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
-from grader.store.reviews import comments_on
+from grader.store.reviewing.reviews import comments_on
 from grader.store.tables import SavedComment
 
 router = api_router("reviews")

@@ -14,7 +14,7 @@ from grader.certify.proposals.proposal import Proposal, write_verify
 from grader.certify.proposals.scenes import LabScene, Shown, read_numbers
 from grader.certify.proposals.trying import BROKEN, certify_with
 from grader.certify.proposals.wording import Amount, Asked, Way, read_amount, read_question, read_ways, read_words
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.domain.verify import ByOptions, ByOutcome, Setting
 from grader.experiments.quantities import Floats, measure
 from grader.experiments.runs import LabRun, Variant, remove_display, run_experiment

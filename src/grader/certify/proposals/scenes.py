@@ -12,7 +12,7 @@ import numpy as np
 
 from grader.certify.proposals.wording import read_words
 from grader.domain.lab import Button, LabConfig, OptionValue, Select, SimLab, Slider
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.errors import CallerError, GraderError
 from grader.experiments.quantities import Floats
 from grader.experiments.runs import LabRun, Variant, choose_length_s, run_experiment, to_number

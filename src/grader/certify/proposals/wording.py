@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from enum import Enum
 
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.errors import InvalidAnswer
 from grader.questions.kinds.number.phrases import LARGEST, SMALLEST
 from grader.questions.kinds.number.units import Unit, convert, known_unit

@@ -9,9 +9,9 @@ from grader.courses.people.identity import Identity
 from grader.courses.reviewing import reviews
 from grader.courses.reviewing.desk import Desk
 from grader.store import outbox
-from grader.store import reviews as stored
 from grader.store.outbox import DEAD, Delivery
-from grader.store.reviews import WaitingQuestion
+from grader.store.reviewing import reviews as stored
+from grader.store.reviewing.reviews import WaitingQuestion
 from grader.store.submissions import SubmissionFilter
 
 COUNTED_MAX = 1000

@@ -14,10 +14,11 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.identity import Identity
 from grader.courses.reviewing.desk import Desk
-from grader.store import reviews, submissions
+from grader.store import submissions
 from grader.store.courses import AuditEntry
 from grader.store.results import LearnerAt
-from grader.store.reviews import WAITING
+from grader.store.reviewing import reviews
+from grader.store.reviewing.reviews import WAITING
 from grader.store.submissions import NEEDS_REVIEW
 from grader.store.tables import Submission
 

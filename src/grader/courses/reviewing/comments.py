@@ -7,7 +7,7 @@ from grader.courses.people.identity import Identity
 from grader.errors import Conflict, NotFound, Unprocessable
 from grader.store.engine.database import Database
 from grader.store.engine.ids import new_id
-from grader.store.reviews import count_comments, find_comment
+from grader.store.reviewing.reviews import count_comments, find_comment
 from grader.store.tables import SavedComment, now
 
 COMMENTS_MAX = 200

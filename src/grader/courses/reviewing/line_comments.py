@@ -8,8 +8,8 @@ from sqlalchemy.orm import Session
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
 from grader.errors import NotFound, Unprocessable
-from grader.store import line_comments
-from grader.store.line_comments import LineComment
+from grader.store.reviewing import line_comments
+from grader.store.reviewing.line_comments import LineComment
 from grader.store.tables import ERASED, Submission
 
 CHARACTERS_MAX = 2000

@@ -14,8 +14,9 @@ from grader.courses.rules.rubric import Mark, fingerprint, items_of, marked, rec
 from grader.domain.verdict import Verdict
 from grader.errors import Conflict, NotFound, Unprocessable
 from grader.questions import Question
-from grader.store import reviews, submissions
-from grader.store.reviews import AGREED, DECIDED, DIFFERS, NONE, WAITING, Queue
+from grader.store import submissions
+from grader.store.reviewing import reviews
+from grader.store.reviewing.reviews import AGREED, DECIDED, DIFFERS, NONE, WAITING, Queue
 from grader.store.submissions import AT_REST, GRADED, SubmissionFilter
 from grader.store.tables import Review, ReviewClaim, Submission, now
 

@@ -12,8 +12,8 @@ from grader.courses.reviewing.desk import Desk
 from grader.courses.reviewing.reviews import follow_rubric
 from grader.courses.rules.rubric import fingerprint, rubric_of
 from grader.errors import NotFound
-from grader.store import reviews
 from grader.store.engine.database import Database
+from grader.store.reviewing import reviews
 
 AGAIN_S = 10.0
 """Pause after a failure, such as a lost database [s]."""

@@ -5,7 +5,7 @@ from typing import Any
 
 import structlog
 
-from grader.domain.pictures import find_wrong_pictures
+from grader.domain.pages.pictures import find_wrong_pictures
 from grader.exercises.findings import AnyJudged
 from grader.exercises.parameters import ExerciseParameters
 from grader.exercises.running.planning import AnyKind

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache
 
-from grader.domain.markup import quoted
-from grader.domain.media import ADDRESS
-from grader.domain.prose import (
+from grader.domain.pages.markup import quoted
+from grader.domain.pages.media import ADDRESS
+from grader.domain.pages.prose import (
     COMMENT_END,
     DISPLAY,
     HTML_ATTRIBUTES,

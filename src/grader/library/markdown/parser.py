@@ -11,7 +11,7 @@ from markdown_it.rules_inline import StateInline
 from markdown_it.token import Token
 from markdown_it.utils import EnvType, OptionsDict
 
-from grader.domain.prose import DISPLAY, INLINE
+from grader.domain.pages.prose import DISPLAY, INLINE
 
 BRACKETS = {r"\(": r"\)", r"\[": r"\]"}
 

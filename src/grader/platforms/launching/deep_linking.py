@@ -9,7 +9,7 @@ from datetime import datetime
 from typing import Any
 from urllib.parse import urlencode
 
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.domain.platform import Platform
 from grader.domain.policy import Policy
 from grader.platforms.launching import claims as words

@@ -27,8 +27,9 @@ from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, 
 from grader.platforms.sending.outgoing import Response, Unreachable
 from grader.platforms.sending.replies import Again, Dead, Failed, Held, Later, Reply, Sent, Unneeded, retry_after_s
 from grader.platforms.sending.score import PlatformResult, Score, score_of
-from grader.store import results, reviews
+from grader.store import results
 from grader.store.outbox import Delivery, Destination
+from grader.store.reviewing import reviews
 from grader.store.tables import Member, now
 
 MEDIA_SCORE = "application/vnd.ims.lis.v1.score+json"

@@ -10,9 +10,9 @@ from sqlalchemy.orm import Session
 from grader.domain.verdict import Verdict
 from grader.store import outbox, platforms
 from grader.store.courses import AuditEntry
-from grader.store.line_comments import LineComment, TriedCopy
 from grader.store.results import COUNTED, LearnerAt
-from grader.store.reviews import DECIDED, DIFFERS, NONE, WAITING
+from grader.store.reviewing.line_comments import LineComment, TriedCopy
+from grader.store.reviewing.reviews import DECIDED, DIFFERS, NONE, WAITING
 from grader.store.submissions import AT_REST, GRADED, NEEDS_REVIEW
 from grader.store.tables import (
     ERASED,

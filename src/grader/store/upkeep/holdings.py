@@ -8,10 +8,10 @@ from sqlalchemy import ColumnElement, or_, select
 from sqlalchemy.orm import Session
 
 from grader.store.courses import AuditEntry
-from grader.store.line_comments import BY_LINE, LineComment, TriedCopy
 from grader.store.outbox import Delivery
 from grader.store.platforms import Context, LtiUser, PlatformRow
 from grader.store.regrades import RegradeItem
+from grader.store.reviewing.line_comments import BY_LINE, LineComment, TriedCopy
 from grader.store.tables import (
     ERASED,
     Base,

@@ -11,7 +11,7 @@ from fastapi.templating import Jinja2Templates
 from jinja2 import ChoiceLoader, FileSystemLoader, FunctionLoader
 
 from grader import labs
-from grader.domain.markup import spoken_text
+from grader.domain.pages.markup import spoken_text
 from grader.gate.services import services_in
 from grader.labs import lab_kinds
 from grader.questions import installed_kinds, template_of

@@ -13,7 +13,7 @@ from grader.courses.people.identity import Identity
 from grader.courses.people.namesakes import marks_in
 from grader.courses.reviewing.blinding import unseen_by
 from grader.courses.rules.gradebook import Form
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.domain.verdict import Status
 from grader.gate.services import AppServices
 from grader.library import Library

@@ -22,7 +22,7 @@ from grader.library import Library
 from grader.platforms import administration
 from grader.queue import jobs
 from grader.store import credentials, people, results, submissions
-from grader.store.reviews import WaitingQuestion
+from grader.store.reviewing.reviews import WaitingQuestion
 from grader.store.tables import now
 from grader.web.frame.inputs import Instructor, Visitor
 from grader.web.frame.rendering import page

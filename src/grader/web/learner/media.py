@@ -6,7 +6,7 @@ from urllib.parse import quote
 from fastapi import APIRouter, Path
 from fastapi.responses import Response
 
-from grader.domain.media import ADDRESS, PICTURES, SVG, Media
+from grader.domain.pages.media import ADDRESS, PICTURES, SVG, Media
 from grader.errors import NotFound, Unauthorized
 from grader.gate.services import AppServices
 from grader.web.frame.inputs import Visitor

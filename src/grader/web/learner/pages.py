@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import PlainTextResponse, RedirectResponse, Response
 
 from grader.courses.people.identity import DEFAULT_COURSE, Identity, Role
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.errors import NotFound, Unauthorized
 from grader.gate.services import AppServices, Services
 from grader.library import Library

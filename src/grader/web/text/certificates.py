@@ -5,7 +5,7 @@ from typing import Any
 
 from grader.certify import Certificate
 from grader.certify.remarks import Luck
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.questions import AnswerKey, NumberKey
 from grader.web.text.numbers import NARROW, number, quantity, unbroken
 

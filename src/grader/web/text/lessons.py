@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 from grader.library import Library
 from grader.library.lesson_text import OTHER, LessonText, find_lesson_id
 from grader.questions import LessonHead, Quiz

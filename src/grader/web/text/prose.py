@@ -8,7 +8,7 @@ from functools import lru_cache
 import nh3
 from markupsafe import Markup
 
-from grader.domain.prose import (
+from grader.domain.pages.prose import (
     ATTRIBUTES,
     COMMENT_END,
     DISPLAY,

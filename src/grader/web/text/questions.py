@@ -7,7 +7,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from grader.domain.markup import FORMULA, plain_text, spell_formula
+from grader.domain.pages.markup import FORMULA, plain_text, spell_formula
 from grader.library import Library
 from grader.questions import FORMS, Question, Quiz, kind_of, question_view
 from grader.questions.drawing import Drawable, is_drawn

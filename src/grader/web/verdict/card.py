@@ -8,7 +8,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from grader.domain.pictures import Table
+from grader.domain.pages.pictures import Table
 from grader.domain.verdict import Status
 from grader.web.text.numbers import capitalize, number, points, quantity, unbroken
 from grader.web.text.prose import cached_prose

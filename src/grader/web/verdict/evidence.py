@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from grader.domain.pictures import Part
+from grader.domain.pages.pictures import Part
 
 
 class Run(Part):

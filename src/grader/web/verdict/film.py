@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from grader.domain.pictures import OwnFilm
+from grader.domain.pages.pictures import OwnFilm
 from grader.web.text.numbers import quantity
 from grader.web.verdict import evidence as read
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from grader.domain.pictures import Chart, ChartAxis
+from grader.domain.pages.pictures import Chart, ChartAxis
 from grader.web.text.numbers import capitalize, number, quantity, unbroken
 from grader.web.verdict.evidence import Difference, Order
 from grader.web.verdict.svg import Axis, Drawing, Point, Sketch, estimate_width

@@ -8,7 +8,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from grader.domain.pictures import Chart
+from grader.domain.pages.pictures import Chart
 from grader.web.text.numbers import capitalize, unbroken
 from grader.web.verdict import evidence as read
 from grader.web.verdict.line_plots import plot_chart, plot_difference, plot_order

@@ -16,8 +16,9 @@ from grader.domain.policy import Policy
 from grader.domain.verdict import Status
 from grader.library import Library
 from grader.questions import Question, Quiz, describe_file
-from grader.store import line_comments, results, submissions
-from grader.store.line_comments import Commented
+from grader.store import results, submissions
+from grader.store.reviewing import line_comments
+from grader.store.reviewing.line_comments import Commented
 from grader.store.submissions import Mark, SubmissionFilter
 from grader.store.tables import Result, Submission
 from grader.web.text.numbers import points

@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import Any, TypeVar
 
 from grader.domain.lab import LabConfig
-from grader.domain.markup import plain_text, quoted
+from grader.domain.pages.markup import plain_text, quoted
 from grader.domain.plugins import Remark
 from grader.domain.verdict import Finding, Verdict, verdict_of
 from grader.errors import InvalidAnswer

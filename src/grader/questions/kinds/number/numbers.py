@@ -5,7 +5,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from grader.domain.markup import quoted
+from grader.domain.pages.markup import quoted
 from grader.errors import InvalidAnswer
 
 NUMBER = re.compile(

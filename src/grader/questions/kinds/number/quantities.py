@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
-from grader.domain.markup import quoted
+from grader.domain.pages.markup import quoted
 from grader.errors import InvalidAnswer
 from grader.questions.kinds.number.numbers import (
     CALCULATION,

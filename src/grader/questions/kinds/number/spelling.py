@@ -4,7 +4,7 @@ import re
 import unicodedata
 from collections.abc import Mapping
 
-from grader.domain.markup import plain_text
+from grader.domain.pages.markup import plain_text
 
 LOOKALIKES = str.maketrans(
     {

@@ -13,7 +13,7 @@ from enum import Enum, auto
 from functools import cache, cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
-from grader.domain.markup import quoted
+from grader.domain.pages.markup import quoted
 from grader.errors import InvalidAnswer
 from grader.questions.kinds.number.spelling import fold, without_markup
 from grader.questions.kinds.number.unit_names import COMMON, COUNTED, IN_ANY_CASE, JOINED, SPELLINGS, TWO_MEANINGS

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from grader.domain.markup import quoted, spoken_text
+from grader.domain.pages.markup import quoted, spoken_text
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import InvalidAnswer
 from grader.questions.kind import Example, Fields, Option, QuestionKind

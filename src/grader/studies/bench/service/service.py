@@ -14,8 +14,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from grader.domain.run import Job, RunStatus
-from grader.sandbox import cell, policy
+from grader.sandbox import policy
 from grader.sandbox.jail import Jail
+from grader.sandbox.locks import cell
 from grader.settings import Settings
 from grader.studies.bench.service.answers import compare_with_bare, list_backends
 from grader.studies.bench.service.submitting import JUDGED, SCRIPT, Client, read_right_answer, serve_clients

@@ -24,9 +24,9 @@ from grader.errors import CallerError, NotFound, Outdated, Unprocessable
 from grader.gate.services import AppServices
 from grader.library import Library
 from grader.questions import Question, kind_of
-from grader.store import reviews as stored
 from grader.store import submissions
-from grader.store.reviews import AGREED, DIFFERS, WaitingQuestion, comments_on
+from grader.store.reviewing import reviews as stored
+from grader.store.reviewing.reviews import AGREED, DIFFERS, WaitingQuestion, comments_on
 from grader.store.tables import Submission, now
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page

@@ -19,9 +19,9 @@ from grader.courses.reviewing.blinding import blinded
 from grader.courses.reviewing.desk import Desk
 from grader.domain.verdict import Status
 from grader.gate.services import AppServices
-from grader.store import reviews as stored
 from grader.store import submissions
-from grader.store.reviews import Queue
+from grader.store.reviewing import reviews as stored
+from grader.store.reviewing.reviews import Queue
 from grader.store.submissions import NEEDS_REVIEW, SubmissionFilter
 from grader.store.tables import ReviewClaim, Submission, now
 from grader.web.frame.inputs import Visitor

@@ -18,8 +18,9 @@ from grader.courses.reviewing.blinding import blinded
 from grader.courses.reviewing.line_comments import delete_comment, read_source, write_comment
 from grader.errors import CallerError, NotFound, Unprocessable
 from grader.gate.services import AppServices, Services
-from grader.store import line_comments, submissions
-from grader.store.line_comments import TriedCopy
+from grader.store import submissions
+from grader.store.reviewing import line_comments
+from grader.store.reviewing.line_comments import TriedCopy
 from grader.store.submissions import AT_REST
 from grader.store.tables import Submission
 from grader.web.frame.inputs import Form, Instructor, Visitor

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from tree_sitter import Node
 
-from grader.expressions import paths
-from grader.expressions.code import (
+from grader.expressions.compiling import paths
+from grader.expressions.compiling.code import (
     Kind,
     Part,
     Term,
@@ -15,20 +15,20 @@ from grader.expressions.code import (
     build_expression,
     build_name,
 )
-from grader.expressions.lib import RECORD_PARTS
-from grader.expressions.machine import count_arguments, find_callback
-from grader.expressions.methods import CALLBACKS
-from grader.expressions.runtime import FUNCTIONS
-from grader.expressions.scope import ROOTS, Scope, suggest
-from grader.expressions.syntax import FUNCTIONS as FUNCTION_TYPES
-from grader.expressions.syntax import (
+from grader.expressions.compiling.scope import ROOTS, Scope, suggest
+from grader.expressions.compiling.syntax import FUNCTIONS as FUNCTION_TYPES
+from grader.expressions.compiling.syntax import (
     SyntaxRefused,
     get_field,
     list_parts,
     read_number,
     read_text,
 )
-from grader.expressions.terms import CONSTRUCTORS, NO_FUNCTIONS, Terms, find_function_path
+from grader.expressions.compiling.terms import CONSTRUCTORS, NO_FUNCTIONS, Terms, find_function_path
+from grader.expressions.lib import RECORD_PARTS
+from grader.expressions.machine import count_arguments, find_callback
+from grader.expressions.methods import CALLBACKS
+from grader.expressions.runtime import FUNCTIONS
 
 ARRAY_WRITERS = ("set", "fill", "sort", "reverse")
 """The methods that write into a typed array."""

@@ -13,8 +13,8 @@ from pathlib import Path
 from grader.errors import JailRefused
 from grader.sandbox.policy import ENVIRONMENT, MODELS, SCRATCH
 
-INSIDE = Path(__file__).parent / "inside"
-OURS = Path(__file__).parents[1]
+INSIDE = Path(__file__).parents[1] / "inside"
+OURS = Path(__file__).parents[2]
 NULL = Path("/dev/null")
 LIB = Path("/lib")
 # -I would ignore PYTHONHASHSEED; these leave out the working directory, the user's packages, bytecode and `site`.

@@ -4,11 +4,11 @@ import ast
 
 from tree_sitter import Node
 
-from grader.expressions.assignments import Assignments
-from grader.expressions.code import PAY, Kind, Term, build_expression, build_name, build_statements
+from grader.expressions.compiling.assignments import Assignments
+from grader.expressions.compiling.code import PAY, Kind, Term, build_expression, build_name, build_statements
+from grader.expressions.compiling.scope import Binding, Scope
+from grader.expressions.compiling.syntax import FUNCTIONS, SyntaxRefused, get_field, list_parts, read_text
 from grader.expressions.machine import TICKS_PER_EVALUATION, TICKS_PER_RUN
-from grader.expressions.scope import Binding, Scope
-from grader.expressions.syntax import FUNCTIONS, SyntaxRefused, get_field, list_parts, read_text
 
 Statements = list[ast.stmt]
 LOOPS_MAX = 15

@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 from tree_sitter import Node
 
-from grader.expressions import fields, paths
-from grader.expressions.chains import Chains, is_optional
-from grader.expressions.code import (
+from grader.expressions import fields
+from grader.expressions.compiling import paths
+from grader.expressions.compiling.chains import Chains, is_optional
+from grader.expressions.compiling.code import (
     Kind,
     Term,
     build_constant,
@@ -17,14 +18,14 @@ from grader.expressions.code import (
     build_name,
     build_sequence,
 )
-from grader.expressions.scope import Scope
-from grader.expressions.syntax import (
+from grader.expressions.compiling.scope import Scope
+from grader.expressions.compiling.syntax import (
     SyntaxRefused,
     get_field,
     list_parts,
     read_text,
 )
-from grader.expressions.terms import BINARY, LOGICAL, NO_FUNCTIONS, read_operator
+from grader.expressions.compiling.terms import BINARY, LOGICAL, NO_FUNCTIONS, read_operator
 
 
 class Place(NamedTuple):

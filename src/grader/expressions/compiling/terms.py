@@ -8,8 +8,8 @@ from typing import Any
 
 from tree_sitter import Node
 
-from grader.expressions import paths
-from grader.expressions.code import (
+from grader.expressions.compiling import paths
+from grader.expressions.compiling.code import (
     Kind,
     Part,
     Term,
@@ -19,9 +19,8 @@ from grader.expressions.code import (
     build_sequence,
     join_kinds,
 )
-from grader.expressions.runtime import FUNCTIONS, OPERATORS
-from grader.expressions.scope import ROOTS, Binding, Scope
-from grader.expressions.syntax import (
+from grader.expressions.compiling.scope import ROOTS, Binding, Scope
+from grader.expressions.compiling.syntax import (
     SyntaxRefused,
     get_field,
     list_parts,
@@ -30,6 +29,7 @@ from grader.expressions.syntax import (
     read_string,
     read_text,
 )
+from grader.expressions.runtime import FUNCTIONS, OPERATORS
 from grader.expressions.values import to_units
 
 COMPARISONS = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "===": "==", "!==": "!=", "==": "==", "!=": "!="}

@@ -9,9 +9,9 @@ from difflib import get_close_matches
 
 from tree_sitter import Node
 
+from grader.expressions.compiling.syntax import SyntaxRefused, read_text
 from grader.expressions.fields import DATA_RESULTS, DATA_STATE, split_names
 from grader.expressions.runtime import FUNCTIONS
-from grader.expressions.syntax import SyntaxRefused, read_text
 
 ROOTS = split_names("model data mj lib sim Math ctx Number Array")
 HOSTS = ROOTS | split_names("undefined NaN Infinity value Float64Array") | {path.split(".")[0] for path in FUNCTIONS}

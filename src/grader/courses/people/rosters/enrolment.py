@@ -11,7 +11,7 @@ from grader.courses.people.audit import Action, record
 from grader.courses.people.external import OWN, External, known_as
 from grader.courses.people.identity import Identity, Role
 from grader.courses.people.members import follow_name, give_role, is_restricted, require_credential
-from grader.courses.people.roster import FAULTS_MAX, Entry
+from grader.courses.people.rosters.roster import FAULTS_MAX, Entry
 from grader.errors import Conflict, Fault, FaultyRows
 from grader.store import people, results
 from grader.store.engine.database import Database

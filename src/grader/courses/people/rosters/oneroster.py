@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from grader.courses.people.identity import Role
-from grader.courses.people.roster import (
+from grader.courses.people.rosters.roster import (
     FAULTS_MAX,
     NAMESPACE,
     Entry,

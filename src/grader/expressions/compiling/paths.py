@@ -9,10 +9,10 @@ import mujoco
 from tree_sitter import Node
 
 from grader.expressions import fields, mathematics
+from grader.expressions.compiling.scope import ROOTS
+from grader.expressions.compiling.syntax import SyntaxRefused, get_field, read_text
 from grader.expressions.machine import Machine
 from grader.expressions.runtime import FUNCTIONS
-from grader.expressions.scope import ROOTS
-from grader.expressions.syntax import SyntaxRefused, get_field, read_text
 from grader.expressions.values import UNDEFINED, RunError, Value, Vector, measure_weight, to_number, write_index
 
 ENUMS = {

@@ -12,7 +12,7 @@ from pathlib import PurePosixPath
 from urllib.parse import quote, unquote
 from xml.parsers import expat
 
-from grader.domain.prose import TOKEN
+from grader.domain.pages.prose import TOKEN
 
 FOLDERS = ("images/", "files/")
 """The folders of which anything is served; what else a content folder holds never is."""

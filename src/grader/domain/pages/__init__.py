@@ -1,0 +1,1 @@
+"""What pages show of authors' content: texts, formulas, files, and the shapes of pictures."""
