@@ -4,9 +4,9 @@ Evidence is stored JSON, possibly of an older version, so what cannot be read is
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
-from grader.domain.pages.pictures import Part
+from grader.domain.pages.pictures import Part, build_reader
 
 
 class Run(Part):
@@ -109,13 +109,14 @@ class Value(Part):
     expected: Any = None
 
 
-Read = TypeVar("Read")
+Read = TypeVar("Read", bound=BaseModel)
 
 
 def read_list(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> list[Read]:
     """Returns the list under a key; empty if it is missing or of another shape."""
     try:
-        return TypeAdapter(list[kind]).validate_python(evidence.get(key) or [])  # type: ignore[valid-type]
+        values: list[Read] = build_reader(list[kind]).validate_python(evidence.get(key) or [])  # type: ignore[valid-type]
+        return values
     except ValidationError:
         return []
 
@@ -123,6 +124,7 @@ def read_list(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> list[R
 def read_one(evidence: Mapping[str, Any], key: str, kind: type[Read]) -> Read | None:
     """Returns the object under a key; None if it is missing or of another shape."""
     try:
-        return TypeAdapter(kind).validate_python(evidence[key]) if evidence.get(key) else None
+        value: Read | None = build_reader(kind).validate_python(evidence[key]) if evidence.get(key) else None
+        return value
     except ValidationError:
         return None

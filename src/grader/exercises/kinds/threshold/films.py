@@ -5,8 +5,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple, TypeVar
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel, ValidationError
 
+from grader.domain.pages.pictures import build_reader
 from grader.exercises.film import Film, Panel, choose_rows
 from grader.exercises.kind import Trial
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
@@ -108,7 +109,8 @@ def read_limits(evidence: Mapping[str, Any]) -> dict[str, Limits]:
 def read(values: Any, kind: type[Read]) -> list[Read]:
     """Returns a list of the evidence, which may be of an older version; empty if it is missing or of another shape."""
     try:
-        return TypeAdapter(list[kind]).validate_python(values or [])  # type: ignore[valid-type]
+        validated: list[Read] = build_reader(list[kind]).validate_python(values or [])  # type: ignore[valid-type]
+        return validated
     except ValidationError:
         return []
 
