@@ -32,7 +32,7 @@ S_IN = {"s": 1.0, "ms": 1000.0}
 def oscillator(mass: float, rate: float, damping: float = 0.0) -> str:
     """MJCF of a mass on a spring that swings at `rate` [rad/s]."""
     spring = mass * rate**2
-    return f"""<mujoco><option timestep="0.002" gravity="0 0 0" integrator="RK4"/><worldbody><body>
+    return f"""<mujoco><option timestep="0.01" gravity="0 0 0" integrator="RK4"/><worldbody><body>
       <joint name="rail" type="slide" axis="1 0 0" stiffness="{spring!r}" damping="{damping!r}"/>
       <geom size=".1" mass="{mass!r}"/></body></worldbody></mujoco>"""
 
