@@ -9,8 +9,8 @@ import pytest
 from grader.domain.lab import LabConfig
 from grader.labs import run_lab
 from grader.labs.record import LabRun
-from grader.labs.runs import Variant
-from grader.numerics.integrators import EULER, RK4
+from grader.labs.runs import LabSimulation, Variant
+from grader.numerics.integrators import EULER, IMPLICITFAST, RK4, Integrator
 from numerics.models import ALL, hinge
 
 STEPS = 60
@@ -70,3 +70,26 @@ def test_other_integrators_are_shown_as_stepped() -> None:
 def test_what_a_readout_leaves_in_ctx_is_kept() -> None:
     counted = run(FREE_JOINT, "ctx.count", key=0, setup="ctx.count = 7", controller="ctx.count = ctx.count + 1")
     assert counted.readouts[0] == tuple(float(7 + i) for i in range(STEPS + 1))
+
+
+@pytest.mark.parametrize("name", sorted(ALL))
+@pytest.mark.parametrize("integrator", [RK4, IMPLICITFAST], ids=lambda one: one.name)
+@pytest.mark.parametrize("controller", [None, "data.qvel[0] += 0.01 * Math.sin(ctx.n++)"], ids=["free", "driven"])
+def test_steps_alone_are_bitwise_those_between_which_something_may_happen(
+    name: str, integrator: Integrator, controller: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    xml = ALL[name]
+    readouts = [{"label": expr, "expr": expr} for expr in ("data.qvel[0]", ENERGY, "data.xpos[0]", "data.qpos[99]")]
+    raw = {"xml": xml, "readouts": readouts, "setup": f"ctx.n = 0; {PUSH}"} | (
+        {"controller": controller} if controller else {}
+    )
+    variant = Variant(integrator=integrator.code, every_step=True, probes=4)
+    seconds = STEPS * float(mujoco.MjModel.from_xml_string(xml).opt.timestep)
+    alone = run_lab(LabConfig.model_validate(raw), xml, seconds=seconds, variant=variant)
+    monkeypatch.setattr(LabSimulation, "_needs_steps_alone", lambda _: False)
+    among = run_lab(LabConfig.model_validate(raw), xml, seconds=seconds, variant=variant)
+    assert alone.times == among.times
+    assert repr(alone.rows) == repr(among.rows)
+    assert [one.rates.tobytes() for one in alone.probes] == [one.rates.tobytes() for one in among.probes]
+    assert (alone.warnings, alone.failed.keys()) == (among.warnings, among.failed.keys())
+    assert (alone.rederived, alone.duration_s, alone.steps) == (among.rederived, among.duration_s, among.steps)

@@ -8,6 +8,7 @@ from grader.errors import LabRefused
 from grader.labs.bench import Bench, Limits
 from grader.labs.controls import Wish
 from grader.labs.kind import LabAnswer, LabExample, LabKind, LabRequest, LabSettings
+from grader.labs.lengths import choose_length_s
 from grader.labs.programs import compile_lab, list_missing_elements
 from grader.labs.pulls import PULLS_MAX, Pull
 from grader.labs.record import LabRun, format_readout
@@ -23,7 +24,7 @@ from grader.labs.registry import (
     script_of,
     template_of,
 )
-from grader.labs.runs import SAME, Variant, build_lab_scene, choose_length_s, run_lab
+from grader.labs.runs import SAME, Variant, build_lab_scene, run_lab
 from grader.labs.trials import check_lab
 from grader.labs.watching import TIMESTEP, find_timestep_limit, watch_lab
 from grader.numerics.stepping import MujocoWarning

@@ -15,6 +15,7 @@ from grader.domain.lab import SECONDS_MAX, LabConfig, OptionValue, Select, Slide
 from grader.errors import LabError, LabRefused
 from grader.expressions import UNDEFINED, Machine, Program, Run, Value, Vector, to_boolean
 from grader.labs.controls import Wish, choose_values, to_value
+from grader.labs.lengths import CPU_S_MAX, check_cpu, check_steps, choose_length_s
 from grader.labs.probes import probe_motion
 from grader.labs.programs import LabPrograms, compile_lab
 from grader.labs.pulls import Pull, Puller, check_pulls
@@ -24,13 +25,7 @@ from grader.numerics.scene import FULL_STATE, Scene
 from grader.numerics.stepping import derive_copy, derives_last_stage, take_warnings
 from grader.numerics.workspace import Workspace
 
-SECONDS_TO_WATCH, SECONDS_OF_A_PLOT, SECONDS_TO_READ = 3.0, 5.0, 10.0
-"""The length of a run of which the author says nothing: a bare scene, a plot, something to read or to set."""
-
 EVENTS_MAX = 1000
-STEPS_MAX = 200_000
-CPU_S_MAX = 20.0
-"""Most CPU time of a run [s]: ten times what the most steps of the lesson's models take with a controller."""
 FRAMES_PER_SECOND = 60
 FRAMES_PER_CHECK = 16
 """Frames after which the CPU time is read: with a frame for every step, reading it takes a third of a run."""
@@ -93,13 +88,16 @@ class LabSimulation:
     def _bind_shown(self, machine: Machine) -> list[Run]:
         return [program.bind(machine) for program in self.programs.shown]
 
-    def _refresh(self) -> None:
-        """Choose the data that is shown: the run's own, or after RK4 a copy, derived again from its state.
+    def _shows_copy(self) -> bool:
+        """Whether what is shown is a copy of the data: after RK4, which leaves derived quantities of its last stage,
+        and of no state of the run."""
+        return not self.as_stepped and derives_last_stage(self.model)
 
-        RK4 leaves those of its last stage, which is no state of the run. The run itself goes on unchanged.
-        """
+    def _refresh(self, shows_copy: bool) -> None:
+        """Choose the data that is shown: the run's own, or a copy that is derived again from its state. The run itself
+        goes on unchanged."""
         self.shown, self.shown_machine = self.own_shown, self.machine
-        if self.as_stepped or not self.record.steps or not derives_last_stage(self.model):
+        if not shows_copy:
             return
         if self.refreshed is None:
             machine = Machine(self.model, mujoco.MjData(self.model))
@@ -176,24 +174,23 @@ class LabSimulation:
         return min([duration, *coming, *(at for at, _ in list(self.presses)[:1])])
 
     def _needs_steps_alone(self) -> bool:
-        """Whether a frame is kept of every step, and nothing happens between steps but the controller."""
-        alone = (
-            self.every_step and not (self.presses or self.pullers or self.probe_times) and self.programs.stop is None
-        )
-        return alone and (self.as_stepped or not derives_last_stage(self.model))
+        """Whether a frame is kept of every step, and nothing happens between steps but the controller and probes."""
+        return self.every_step and not (self.presses or self.pullers) and self.programs.stop is None
 
     def _go_each_step(self, duration: float, last: float) -> None:
         """Do what `go` does where steps stand alone, in a quarter of the time: certificates run this most."""
         controller = None if self.programs.controller is None else self.programs.controller.bind(self.machine)
-        model, data, warned, shown = self.model, self.data, self.warned, list(enumerate(self.shown))
+        model, data, warned = self.model, self.data, self.warned
         option, times, rows, step = model.opt, self.record.times, self.record.rows, mujoco.mj_step
         end, elapsed, steps = duration * (1 - 1e-9), self.elapsed, self.record.steps
+        shows_copy = self._shows_copy()
         while elapsed < end:
             if steps % FRAMES_PER_CHECK == 0:
                 check_cpu(duration, last)
                 check_steps(duration, steps + 1)
             if controller is not None:
                 controller()
+                shows_copy = self._shows_copy()
             h = option.timestep
             try:
                 step(model, data)
@@ -204,15 +201,12 @@ class LabSimulation:
                 self._note_warnings()
             elapsed += h
             steps += 1
+            if self.probe_times and self.probe_times[0] <= elapsed + 1e-9:
+                self._probe(elapsed)
+            if shows_copy or self.shown is not self.own_shown:
+                self._refresh(shows_copy)
             times.append(elapsed)
-            row: list[Value] = []
-            for index, run in shown:
-                try:
-                    value = run()
-                except LabError as error:
-                    value = self._note_failure(index, error)
-                row.append(value if type(value) is float else _copy_value(value))
-            rows.append(row)
+            rows.append(self._read_row())
         self.elapsed = self.record.duration_s = elapsed
         self.record.steps = steps
 
@@ -268,18 +262,33 @@ class LabSimulation:
 
     def _keep_frame(self) -> None:
         self.record.duration_s = self.elapsed
-        if due := [moment for moment in self.probe_times if moment <= self.elapsed + 1e-9]:
-            del self.probe_times[: len(due)]
-            if not self.record.warnings:
-                self.record.probes.append(probe_motion(self.model, self.data))
+        self._probe(self.elapsed)
         self.record.times.append(self.elapsed)
-        self._refresh()
+        self._refresh(self.record.steps > 0 and self._shows_copy())
         if not self.every_step:  # a certificate draws no geoms
             data = self.shown_machine.data
             self.record.poses.append((data.geom_xpos[self.geoms], data.geom_xmat[self.geoms]))
             for name, drawn in self.overlays:
                 self.record.overlays.setdefault(name, []).append(drawn(self.model, data))
-        self.record.rows.append([self._value(i, run) for i, run in enumerate(self.shown)])
+        self.record.rows.append(self._read_row())
+
+    def _probe(self, elapsed: float) -> None:
+        """Probes the motion where a time for it has come; after a warning it is another motion."""
+        if due := [moment for moment in self.probe_times if moment <= elapsed + 1e-9]:
+            del self.probe_times[: len(due)]
+            if not self.record.warnings:
+                self.record.probes.append(probe_motion(self.model, self.data))
+
+    def _read_row(self) -> list[Value]:
+        """Returns what is shown, each as `_value`."""
+        row: list[Value] = []
+        for index, run in enumerate(self.shown):
+            try:
+                value = run()
+            except LabError as error:
+                value = self._note_failure(index, error)
+            row.append(value if type(value) is float else _copy_value(value))
+        return row
 
     def _value(self, index: int, run: Run) -> Value:
         """Says what is shown; undefined where it cannot be computed, which does not end the run."""
@@ -306,20 +315,6 @@ class LabSimulation:
                 for line, program in zip(plot.refLines, programs, strict=True)
             ]
             self.record.reference_lines.append(drawn)
-
-
-def check_cpu(duration: float, last: float) -> None:
-    """Raise LabRefused where a run of `duration` [s] has used its CPU time, which ends at `last` [s]."""
-    if time.thread_time() > last:
-        cure = "take fewer seconds, a larger timestep or a smaller model"
-        raise LabRefused(f"{duration:g} s take more than {CPU_S_MAX:g} s of computing: {cure}.")
-
-
-def check_steps(duration: float, steps: int) -> None:
-    """Raise LabRefused where a run of `duration` [s] takes more steps than there may be."""
-    if steps > STEPS_MAX:
-        too_long = f"{duration:g} s at this timestep take more than {STEPS_MAX} steps"
-        raise LabRefused(f"{too_long}: take fewer seconds or a larger timestep.")
 
 
 def _measure_height(value: Value) -> float | None:
@@ -370,18 +365,6 @@ def build_lab_scene(config: LabConfig, xml: str, controls: Mapping[str, Wish] | 
     """Returns the scene at the lab's start: the model as the controls made it, the state as `setup` left it."""
     data = (running := LabSimulation(compile_lab(config), config, xml, choose_values(config, controls or {}))).data
     return Scene.from_model(running.model).at(qpos=data.qpos, qvel=data.qvel, act=data.act, ctrl=data.ctrl)
-
-
-def choose_length_s(config: LabConfig) -> float:
-    """Says how long the lab runs where the caller does not say [s]. Its `seconds`, else `stopAt`, else the widest plot,
-    else 10 s with something to read or to set, and 3 s without."""
-    if config.seconds is not None:
-        return config.seconds
-    if isinstance(config.stopAt, float | int):
-        return min(float(config.stopAt), SECONDS_MAX)
-    windows = [plot.window or SECONDS_OF_A_PLOT for plot in config.plots]
-    otherwise = SECONDS_TO_READ if config.readouts or config.controls else SECONDS_TO_WATCH
-    return min(max(windows, default=otherwise), SECONDS_MAX)
 
 
 def _sort_presses(programs: LabPrograms, events: Sequence[Event], duration: float) -> deque[tuple[float, Program]]:

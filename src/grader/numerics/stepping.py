@@ -122,9 +122,7 @@ def derives_last_stage(model: mujoco.MjModel) -> bool:
 def derive_copy(model: mujoco.MjModel, data: mujoco.MjData, copy: mujoco.MjData) -> None:
     """Give `copy` the state of `data`, and derived quantities that belong to it; `data` stays as it is, bit for bit.
     Raises mujoco.FatalError if the memory of the model is too small."""
-    state = np.empty(mujoco.mj_stateSize(model, FULL_STATE))
-    mujoco.mj_getState(model, data, state, FULL_STATE)
-    mujoco.mj_setState(model, copy, state, FULL_STATE)
+    mujoco.mj_copyState(model, data, copy, FULL_STATE)
     mujoco.mj_forward(model, copy)
 
 

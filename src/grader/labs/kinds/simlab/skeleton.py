@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from grader.domain.lab import LabConfig, Slider
-from grader.labs.runs import choose_length_s
+from grader.labs.lengths import choose_length_s
 from grader.labs.watching import TIMESTEP
 
 HEIGHT_MIN, HEIGHT_MAX = 160, 480
