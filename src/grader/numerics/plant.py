@@ -1,6 +1,8 @@
 """A model that is driven from outside, one control period at a time. It stops at MuJoCo's first warning: with automatic
 resets on, a control that is too large would move it back to its start, where it stands well again."""
 
+from math import isfinite
+
 import mujoco
 import numpy as np
 from mujoco import mjtObj
@@ -41,7 +43,8 @@ class Plant:
         return not self.stopped
 
     def _is_lost(self) -> bool:
-        return any(self._workspace.warned) or not np.isfinite(self._qacc).all()
+        # The square is finite where all are: MuJoCo has warned of any beyond 1e10.
+        return any(self._workspace.warned) or not isfinite(self._qacc.dot(self._qacc))
 
     def find_sensor(self, name: str) -> slice:
         """Returns the part of sensordata of a sensor. Raises KeyError where there is none of that name."""

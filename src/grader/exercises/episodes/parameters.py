@@ -149,7 +149,10 @@ class Episode:
 
     def find_target(self, time_s: float) -> float:
         """Returns the target at a moment; 0 where there is none."""
-        return next((value for at_s, value in reversed(self.targets) if time_s >= at_s - 1e-9), 0.0)
+        for at_s, value in reversed(self.targets):
+            if time_s >= at_s - 1e-9:
+                return value
+        return 0.0
 
 
 @dataclass(frozen=True, eq=False)

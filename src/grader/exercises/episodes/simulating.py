@@ -2,6 +2,7 @@
 the drawn numbers."""
 
 import builtins
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -79,13 +80,14 @@ class EpisodeRun:
         self._track = self.plant.find_sensor(parameters.track)
         data, noise = self.plant.data, self.episode.noise
         self._state, self._sensors = (data.qpos, data.qvel, data.act), data.sensordata
-        self._observed = {name: self.plant.find_reading(name) for name in parameters.observe}
-        self._noise = np.array([noise.get(name, 0.0) for name, values in self._observed.items() for _ in values])
+        observed = {name: self.plant.find_reading(name) for name in parameters.observe}
+        self._observed = tuple(observed.values())
+        self._noise = np.array([noise.get(name, 0.0) for name, values in observed.items() for _ in values])
         self._is_noisy = bool(self._noise.any())
         self._goals = {goal.sensor: self.plant.find_sensor(goal.sensor) for goal in parameters.goals if goal.sensor}
         self._goals_at = np.array([where.start for where in self._goals.values()], dtype=np.intp)
         self._load = self.episode.load and (self.plant.find_dof(self.episode.load[0]), *self.episode.load[1:])
-        self._past: list[tuple[Floats, Floats]] = []
+        self._past = deque[tuple[Floats, Floats]](maxlen=self.episode.delay + 1)
         self._rows: list[tuple[Any, ...]] = []
         self.lost_at_s: float | None = None
         self.is_over = False
@@ -96,12 +98,13 @@ class EpisodeRun:
         if self.problem.environment.observe is not None:
             readings = self.problem.environment.read_observation(self.plant.model, data)
         else:
-            readings = np.concatenate(list(self._observed.values()))
+            readings = np.concatenate(self._observed)
             if self._is_noisy:
                 readings = readings + self._noise * self._rng.standard_normal(len(readings))
         self._past.append((readings, np.concatenate(self._state)))
-        seen, state = self._past[max(0, len(self._past) - 1 - self.episode.delay)]
-        target = np.array([self.episode.find_target(time_s)] * self.parameters.has_target)
+        seen, state = self._past[0]
+        self._target = self.episode.find_target(time_s)
+        target = np.array([self._target] if self.parameters.has_target else [])
         self._seen = Seen(time_s, np.concatenate((seen, target)), state, target)
         return self._seen
 
@@ -116,7 +119,7 @@ class EpisodeRun:
         data.ctrl[:] = applied
         goals = self._sensors[self._goals_at]
         tracked = float(self._sensors[self._track][0])
-        row = (time_s, self._state[0].copy(), tracked, self.episode.find_target(time_s), goals)
+        row = (time_s, self._state[0].copy(), tracked, self._target, goals)
         goes_on, power_w, reward = plant.advance(self.problem.steps), 0.0, 0.0
         if goes_on:
             power_w = plant.power_w
