@@ -107,14 +107,14 @@ def count_question(rows: list[Row], points: Counter[str], max_points: Counter[st
         options.update(json.loads(row.several or "{}").get("option", ()))
         mistakes.update({group_crash(one) for one in json.loads(row.diagnoses)})
     shares = [row.points / row.max_points for row in rows]
-    rest = [[of[row.learner] - own for row, own in zip(rows, column, strict=True)]
-            for of, column in ((points, [row.points for row in rows]), (max_points, [row.max_points for row in rows]))]  # fmt: skip
+    rest = np.array([points[row.learner] - row.points for row in rows])
+    max_rest = np.array([max_points[row.learner] - row.max_points for row in rows])
     wrong = [row.value for row in rows if row.value is not None and row.first_status != "correct"]
     return QuestionStatistics(
         rows[0].question,
         mean_share(shares),
         mean_share([float(row.first_status == "correct") for row in rows]),
-        item_rest(np.array(shares), np.array(rest[0]), np.array(rest[1])),
+        item_rest(np.array(shares), rest, max_rest),
         dict(sorted(options.items())),
         clusters_of(wrong),
         dict(sorted(mistakes.items(), key=lambda mistake: (-mistake[1], mistake[0]))),
