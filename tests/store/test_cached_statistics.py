@@ -2,8 +2,8 @@
 
 import json
 import random
-from collections import Counter
-from collections.abc import Iterator
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +90,7 @@ def vary(database: Database, chance: random.Random) -> None:
 
 def count_one_by_one(rows: list[Row]) -> QuizStatistics:
     """The statistics of a quiz whose questions are in alphabetical order, without counting any two rows at once."""
-    points, max_points = Counter[str](), Counter[str]()
+    points, max_points = defaultdict[str, float](float), defaultdict[str, float](float)
     for row in sorted(rows, key=lambda row: row.question):
         points[row.learner] += row.points
         max_points[row.learner] += row.max_points
@@ -99,7 +99,7 @@ def count_one_by_one(rows: list[Row]) -> QuizStatistics:
     return QuizStatistics(len(points), tuple(found))
 
 
-def count_question(rows: list[Row], points: Counter[str], max_points: Counter[str]) -> QuestionStatistics:
+def count_question(rows: list[Row], points: Mapping[str, float], max_points: Mapping[str, float]) -> QuestionStatistics:
     """The same of one question, where the learners have these points, and could have these, at all questions."""
     options, mistakes = Counter[int](), Counter[str]()
     for row in rows:
