@@ -68,7 +68,7 @@ class Settings(BaseSettings):
     data: Path = Field(default=Path(".data"), description="Folder of the SQLite database.")
     cache: Path = Field(
         default_factory=default_cache,
-        description="Folder that keeps which checks of content have passed.",
+        description="Folder that keeps which checks of content have passed, and compiled pages.",
     )
     database_url: str | None = Field(
         default=None, description="postgresql://user@host/name for PostgreSQL; SQLite in the data folder if not given."

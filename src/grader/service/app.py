@@ -43,6 +43,7 @@ from grader.store.engine.database import Database
 from grader.store.engine.group_commit import GroupCommit
 from grader.store.upkeep.installation import blind_review_secret
 from grader.web.frame.errors import error_page
+from grader.web.frame.rendering import keep_compiled
 from grader.web.routes import router as pages
 
 
@@ -76,7 +77,9 @@ def create_app(settings: Settings, graders: Graders | None = None, is_ending: Ca
 def build_services(settings: Settings, graders: Graders, is_ending: Callable[[], bool]) -> Services:
     """Builds the objects that the routes share, on a migrated database. Nothing is started yet."""
     database = open_database(settings, is_ending)
-    content = Contents(settings.content, settings.courses, database, PassedChecks(settings.cache))
+    passed = PassedChecks(settings.cache)
+    keep_compiled(passed.place)
+    content = Contents(settings.content, settings.courses, database, passed)
     worker = build_worker(
         settings, database, content.archive, graders, deliveries_of(settings, database, content.archive)
     )

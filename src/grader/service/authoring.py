@@ -19,6 +19,7 @@ from grader.questions import kind_of, lab_view, student_view
 from grader.web.author import pages
 from grader.web.author.desk import AuthorDesk, OpenPipeline
 from grader.web.frame import assets
+from grader.web.frame.rendering import keep_compiled
 from grader.web.learner.media import send_media
 
 HOST = "127.0.0.1"
@@ -85,6 +86,7 @@ class SameOrigin:
 def make_app(root: Path, passed: PassedChecks, open_pipeline: OpenPipeline) -> FastAPI:
     """Makes the app of an author's desk. Nothing of it is known to the service for learners."""
     app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+    keep_compiled(passed.place)
     app.state.desk = AuthorDesk(root, passed, open_pipeline)
     app.add_middleware(SameOrigin)
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=HOSTS)

@@ -126,11 +126,12 @@ def read_rows(
     for learner, group in groupby(results.points_by_learner(session, course, quizzes), key=itemgetter(0)):
         if learner in instructors:
             continue
-        theirs = list(group)
-        points = {place: value for row in theirs for place, value in points_of(row.quiz, row.points).items()}
-        if learner in hidden:
-            points = {place: value for place, value in points.items() if place not in hidden[learner]}
-        rows.append(row_of(learner, theirs[0], points, marks))
+        first, *others = group
+        points = points_of(first[1], first[2])
+        if others or learner in hidden:
+            each = [points, *(points_of(row[1], row[2]) for row in others)]
+            points = {place: one for of in each for place, one in of.items() if place not in hidden.get(learner, ())}
+        rows.append(row_of(learner, first, points, marks))
     return sorted(rows, key=attrgetter("user", "id"))
 
 

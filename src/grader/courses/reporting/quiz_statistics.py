@@ -69,8 +69,10 @@ class Statistics:
         tolerances = {one.id: [number.tolerance for number in kind_of(one).numbers(one)] for one in quiz.questions}
         without, hidden = version.without, version.hidden
         with self._database.read() as session:
-            rows = results.of_quiz(session, version.course, quiz.id)
-            visible = (row for row in rows if row[0] not in without and (not hidden or row[:2] not in hidden))
+            visible = (
+                [row for row in rows if row[0] not in without and (not hidden or row[:2] not in hidden)]
+                for rows in results.of_quiz(session, version.course, quiz.id)
+            )
             by_question = tallies_of(visible, tolerances)
         tallies = [by_question[one.id] for one in quiz.questions if one.id in by_question]
         return QuizStatistics(count_learners(tallies), statistics_of(tallies))

@@ -6,7 +6,8 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice, zip_longest
+from functools import lru_cache
+from itertools import zip_longest
 from statistics import NormalDist, median
 from typing import Any, NamedTuple
 
@@ -23,9 +24,6 @@ FIGURES = 0.005
 
 ROUNDING = 1e-9
 """Shares that differ by less are equal: 0.1 + 0.2 is 0.3."""
-
-ROWS_AT_ONCE = 500
-"""Rows that are counted together."""
 
 LEARNERS_MIN = 4
 """Fisher's interval has the standard error 1 / sqrt(n - 3)."""
@@ -116,25 +114,26 @@ Answers = Sequence[tuple[Answer, int]]
 """The answers to one question, and how many learners gave each."""
 
 
-def tallies_of(rows: Iterable[Row], tolerances: Mapping[str, Sequence[float | None]] | None = None) -> dict[str, Tally]:
-    """Counts the answers to every question that has rows, in the order of their first rows. `tolerances` are those of
-    the numbers that questions ask for, in their units. Time grows as n log n with the rows; of these few are held at a
-    time. Raises ValueError where a learner has two rows at a question."""
+def tallies_of(
+    pieces: Iterable[Sequence[Row]], tolerances: Mapping[str, Sequence[float | None]] | None = None
+) -> dict[str, Tally]:
+    """Counts the answers to every question that has rows, in the order of their first rows. `pieces` are some rows
+    each: of these one is held at a time. `tolerances` are those of the numbers that questions ask for, in their units.
+    Time grows as n log n with the rows. Raises ValueError where a learner has two rows at a question."""
     counted_alike = Counter[tuple[Any, ...]]()
-    numbers: tuple[dict[str, int], dict[str, int]] = {}, {}
-    pieces = []
-    rest = iter(rows)
-    while some := [*islice(rest, ROWS_AT_ONCE)]:  # what is done column by column takes a third of the time
-        learner, question, points, max_points, *answered = zip(*some, strict=True)
+    numbers = NumberByText(), NumberByText()
+    columns = []
+    for rows in filter(None, pieces):  # what is done column by column takes a third of the time
+        learner, question, points, max_points, *answered = zip(*rows, strict=True)
         counted_alike.update(zip(question, *answered, strict=True))
         names = number_texts(learner, numbers[0]), number_texts(question, numbers[1])
-        pieces.append((*names, np.array(points, float), np.array(max_points, float)))
-    if not pieces:
+        columns.append((*names, np.array(points, float), np.array(max_points, float)))
+    if not columns:
         return {}
     answers: dict[str, list[tuple[Answer, int]]] = {name: [] for name in numbers[1]}
     for (name, *answer), count in counted_alike.items():
         answers[name].append((Answer._make(answer), count))
-    learners, questions, all_points, all_max_points = map(np.concatenate, zip(*pieces, strict=True))
+    learners, questions, all_points, all_max_points = map(np.concatenate, zip(*columns, strict=True))
     tallies = {}
     for number, name in enumerate(answers):
         at = np.flatnonzero(questions == number)
@@ -147,10 +146,15 @@ def tallies_of(rows: Iterable[Row], tolerances: Mapping[str, Sequence[float | No
     return tallies
 
 
-def number_texts(texts: Sequence[str], numbers: dict[str, int]) -> NDArray[np.intp]:
-    """Returns the number that each text has in `numbers`, and gives new texts the next ones, in order of appearance."""
-    for text in dict.fromkeys(texts):
-        numbers.setdefault(text, len(numbers))
+class NumberByText(dict[str, int]):
+    """The number of each text that was looked up, from 0, in order of appearance."""
+
+    def __missing__(self, text: str) -> int:
+        return self.setdefault(text, len(self))
+
+
+def number_texts(texts: Sequence[str], numbers: NumberByText) -> NDArray[np.intp]:
+    """Returns the number that each text has in `numbers`."""
     return np.fromiter(map(numbers.__getitem__, texts), np.intp, len(texts))
 
 
@@ -159,10 +163,6 @@ def count_answers(
 ) -> QuestionStatistics:
     """Returns the statistics of one question without the discrimination. `shares` of its points have the shape (n,)."""
     right = sum(count for answer, count in answers if answer.first_status == Status.CORRECT)
-    mistakes = Counter[str]()
-    for answer, count in answers:
-        for mistake in {group_crash(diagnosis) for diagnosis in json.loads(answer.diagnoses)}:
-            mistakes[mistake] += count
     return QuestionStatistics(
         question=question,
         difficulty=mean_share(shares.tolist()),
@@ -174,10 +174,23 @@ def count_answers(
             for number, values in enumerate(list_wrong_numbers(answers))
             for cluster in clusters_of(values, tolerances[number] if number < len(tolerances) else None)
         ),
-        mistakes=dict(sorted(mistakes.items(), key=lambda mistake: (-mistake[1], mistake[0]))),
+        mistakes=count_mistakes(answers),
     )
 
 
+def count_mistakes(answers: Answers) -> dict[str, int]:
+    """Returns how many learners were told each mistake, the most frequent first."""
+    lists = Counter[str]()  # each is parsed once
+    for answer, count in answers:
+        lists[answer.diagnoses] += count
+    mistakes = Counter[str]()
+    for diagnoses, count in lists.items():
+        for mistake in {group_crash(diagnosis) for diagnosis in json.loads(diagnoses)}:
+            mistakes[mistake] += count
+    return dict(sorted(mistakes.items(), key=lambda mistake: (-mistake[1], mistake[0])))
+
+
+@lru_cache(maxsize=4096)
 def group_crash(diagnosis: str) -> str:
     """Returns the exception behind a diagnosis, whose message and line differ between scripts; any other as it is."""
     found = CRASH.match(diagnosis)
@@ -188,9 +201,11 @@ def count_options(answers: Answers) -> dict[int, int]:
     """Returns how many learners chose each option first."""
     counts = Counter[int]()
     for answer, count in answers:
-        chosen = [] if answer.option is None else [answer.option]
-        for option in (*chosen, *set(json.loads(answer.several or "{}").get("option", ()))):
-            counts[option] += count
+        if answer.option is not None:
+            counts[answer.option] += count
+        if answer.several is not None:
+            for option in set(json.loads(answer.several).get("option", ())):
+                counts[option] += count
     return dict(sorted(counts.items()))
 
 
@@ -214,7 +229,7 @@ def list_wrong_numbers(answers: Answers) -> list[list[float]]:
 
 def count_learners(tallies: Sequence[Tally]) -> int:
     """Returns the number of learners with an answer to any of the questions."""
-    return len(np.unique(np.concatenate([of.learners for of in tallies]))) if tallies else 0
+    return int(np.count_nonzero(np.bincount(np.concatenate([of.learners for of in tallies])))) if tallies else 0
 
 
 def statistics_of(tallies: Sequence[Tally]) -> tuple[QuestionStatistics, ...]:
