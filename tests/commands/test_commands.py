@@ -65,6 +65,19 @@ print(*(one.__name__ for one in ResponseBody.__subclasses__() if one.__pydantic_
     assert done.stdout.split() == ["Page"]  # the base of pages of each kind
 
 
+def test_a_server_starts_with_no_route_built() -> None:
+    code = """
+from fastapi.routing import APIRoute
+built = []
+populate = APIRoute.__init__
+APIRoute.__init__ = lambda route, path, *args, **options: (built.append(path), populate(route, path, *args, **options))
+import grader.service.app
+print(*built)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
 def test_a_command_is_built_without_the_others_and_any_other_argument_has_all() -> None:
     every = get_group(cli).commands
     for name, command in every.items():

@@ -9,10 +9,11 @@ from prometheus_client import CONTENT_TYPE_LATEST
 
 from grader.api.views import Ready
 from grader.errors import Forbidden, Unauthorized
+from grader.gate.late_routes import LateRoute
 from grader.gate.problems import RETRY_S, problem, refusals
 from grader.gate.services import AppServices, Services
 
-router = APIRouter(tags=["health"])
+router = APIRouter(tags=["health"], route_class=LateRoute)
 
 NO_STORE = {"Cache-Control": "no-store"}
 

@@ -106,7 +106,7 @@ def grade_notebook(
     from grader.library import load
     from grader.questions import question_view
 
-    library = load(read_settings().content)
+    library = load(read_settings().content, quiz, question=question)
     asked = library.question(quiz, question)
     if question_view(asked).get("takes") != "python":
         raise Unprocessable(f"{quiz} {question} is no exercise that takes a script, as cells of notebooks are.")

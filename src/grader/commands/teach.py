@@ -99,7 +99,8 @@ def pack_for_gradescope(
     from grader.pack import pack_gradescope
 
     place = Path(f"{quiz}-{question}.zip") if out is None else out
-    print(pack_gradescope(load(read_settings().content), quiz, question, place, allow_t2=allow_t2))
+    library = load(read_settings().content, quiz, question=question)
+    print(pack_gradescope(library, quiz, question, place, allow_t2=allow_t2))
 
 
 @roster.command("import")

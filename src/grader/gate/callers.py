@@ -7,6 +7,7 @@ from fastapi.security import HTTPBearer
 
 from grader.courses.people.identity import Identity, Role
 from grader.gate.admission import PREFIX, identity_in
+from grader.gate.late_routes import LateRoute
 
 
 async def anybody(request: Request) -> Identity:
@@ -48,7 +49,7 @@ bearer = Security(HTTPBearer(auto_error=False, description="From `grader token c
 
 def api_router(tag: str, prefix: str = "") -> APIRouter:
     """Returns a router for routes below /api/v1 and this prefix, which describe the token and stand under a tag."""
-    return APIRouter(prefix=f"{PREFIX}{prefix}", dependencies=[bearer], tags=[tag])
+    return APIRouter(prefix=f"{PREFIX}{prefix}", dependencies=[bearer], tags=[tag], route_class=LateRoute)
 
 
 Anybody = Annotated[Identity, Depends(anybody)]

@@ -111,6 +111,7 @@ def main() -> None:
     with jail, suppress(BrokenPipeError):
         integrators = f"kept: {jail.keeps_integrators}" if jail.keeps_integrators else "removable"
         gc.freeze()
+        gc.enable()
         connection.send({"tier": jail.tier, "self_test": str(jail.self_test), "integrators": integrators})
         serve_scripts(connection, jail)
         shutil.rmtree(sys.argv[2], ignore_errors=True)  # the parent has ended, or does it as well

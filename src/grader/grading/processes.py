@@ -42,9 +42,9 @@ END_S = 10.0
 """Longest end of a process; then it is killed [s]."""
 
 
-MAIN = "import os; os.read(0, 1); from grader.grading.process_main import main; main()"
-"""The process waits for a byte before it begins. With `-m` the module would be loaded twice, and what it pickles would
-be of another class than here."""
+MAIN = "import gc, os; gc.disable(); os.read(0, 1); from grader.grading.process_main import main; main()"
+"""The process waits for a byte before it begins, and looks for no garbage until it is ready. With `-m` the module would
+be loaded twice, and what it pickles would be of another class than here."""
 
 log = structlog.get_logger()
 

@@ -1,6 +1,5 @@
 """Assembles the service: settings, database, content, jail, worker, routes."""
 
-import gc
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from functools import partial
@@ -36,7 +35,7 @@ from grader.platforms.keys import ToolKeys
 from grader.platforms.launching.fetching import PlatformKeys
 from grader.platforms.tool import Tool, is_installed
 from grader.service.deliveries import deliveries_of
-from grader.service.opening import never, open_database
+from grader.service.opening import end_start, never, open_database
 from grader.service.worker import build_graders, build_worker
 from grader.settings import Settings
 from grader.store.engine.database import Database
@@ -160,7 +159,7 @@ def lifespan_of(services: Services) -> Any:
             recomputing.start()
             services.writer.start()
             await run_in_threadpool(release_all, database)
-            gc.freeze()  # what is there from now on is never walked again; a last walk would take a tenth of a second
+            end_start()
             if services.settings.workers:
                 await run_in_threadpool(graders.start)
                 worker.start()

@@ -2,7 +2,6 @@
 several, the process that was started serves nothing itself: it passes signals on, and starts a process again that
 ended. None outlives it, since each reads a pipe of which it alone holds the other end. It imports little."""
 
-import gc
 import json
 import os
 import pickle
@@ -40,9 +39,6 @@ PAUSE_S, PAUSE_S_MAX = 0.5, 30.0
 FAULT = 3
 
 BLOCK_BYTES = 4096
-
-YOUNG_OBJECTS = 10_000
-"""New objects between two looks for garbage cycles; Python's own 700 cost a tenth of the start and of every request."""
 
 END_S = 30.0
 """Longest end of a process; then it is killed [s]."""
@@ -170,7 +166,6 @@ def serve(settings: Settings) -> None:
 
 def serve_alone(settings: Settings) -> None:
     """Serves in this process. The jails start while the app is imported and the content is checked."""
-    gc.set_threshold(YOUNG_OBJECTS)
     graders = Graders(settings.workers, allow_t2=settings.allow_t2)
     with open_listener(settings.host, settings.port) as listener:
         bound = settings.model_copy(update={"port": listener.getsockname()[1]})
@@ -267,7 +262,6 @@ def run_part() -> None:
     part: Part = pickle.load(sys.stdin.buffer)  # noqa: S301  our own process wrote it
     threading.Thread(target=end_with_parent, daemon=True).start()
     ready = partial(report_ready, part.ready)
-    gc.set_threshold(YOUNG_OBJECTS)
     if part.listener is None:
         from grader.service.deliveries import deliveries_of
         from grader.service.worker import run_worker

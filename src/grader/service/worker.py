@@ -30,7 +30,7 @@ from grader.library import PassedChecks
 from grader.logs import is_json, log_to_stderr
 from grader.queue import jobs
 from grader.queue.worker import JobOutcome, Task, Worker
-from grader.service.opening import open_database
+from grader.service.opening import end_start, open_database
 from grader.settings import Settings
 from grader.store import intake, submissions
 from grader.store.engine.database import AWAY, Database
@@ -228,6 +228,7 @@ def run_worker(
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: ended.set())
         signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as for a server: content comes from the database anyway
+        end_start()
         worker.start()
         if settings.metrics_port:
             REGISTRY.register(Monitor(database, graders, worker))

@@ -1,8 +1,9 @@
 """All pages: those of learners, `/instructor`, sign-in, and their files."""
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import Response
 
+from grader.gate.late_routes import page_router
 from grader.web.author import draft
 from grader.web.cohort import alike_page, answers_page, learner_page, scripts_page, slides
 from grader.web.frame import assets
@@ -25,7 +26,7 @@ from grader.web.learner import answering, media, pages
 from grader.web.platform import lti
 from grader.web.signing_in import devices, links, oidc
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 for room in (pages, media, answering, links, oidc, devices, today, review_list, review, review_script, people,
              gradebook, learner_story, reel, statistics, extensions, service, seen_as, regrades, lti, platforms,
              courses, dates, answers_page, scripts_page, slides, learner_page, alike_page, draft):  # fmt: skip

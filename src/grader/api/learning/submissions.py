@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Header, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
-from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic_core import to_json
 from sqlalchemy.orm import Session
@@ -29,6 +28,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, Conflict, InvalidAnswer, NotFound
 from grader.gate.admission import PREFIX, SUBMISSIONS, authenticate_again, identity_in
 from grader.gate.callers import Learner, api_router
+from grader.gate.late_routes import LateRoute
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services, services_in
 from grader.store import submissions
@@ -95,7 +95,7 @@ class Interpretation(ResponseBody):
     message: str | None
 
 
-class AnswerRoute(APIRoute):
+class AnswerRoute(LateRoute):
     """A route that takes an answer of a caller in one of `roles`. Admission has only recalled the credential, and
     storing an answer checks it. A refused request stores nothing, so its credential is checked here: 401 comes before
     403, and both before any error of the body."""

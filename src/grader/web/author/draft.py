@@ -3,12 +3,13 @@
 from typing import Any
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import RedirectResponse, Response
 
 from grader.certify.keys import propose_for_question
 from grader.courses.answering.policies import read_policies
 from grader.errors import ContentError, NotFound, Outdated
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.grading.content import Draft, revise
 from grader.library import Library
@@ -26,7 +27,7 @@ PAGE = "/instructor/draft"
 
 NO_REVISION = "The form names no revision: read the changes again, and publish from the page."
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.get(PAGE)

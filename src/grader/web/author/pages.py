@@ -3,11 +3,12 @@
 import time
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Request
+from fastapi import Header, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 
 from grader.errors import Conflict, ContentError, NotFound, Outdated
+from grader.gate.late_routes import page_router
 from grader.grading.report import Report
 from grader.library import Library
 from grader.library.scaffold import list_exercise_kinds
@@ -26,7 +27,7 @@ WAIT_S, POLL_S = 20.0, 0.3
 
 SOURCE_BYTES_MAX = 1 << 20
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 def get_desk(request: Request) -> AuthorDesk:

@@ -3,12 +3,13 @@
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import Response
 
 from grader.courses.people.identity import Identity
 from grader.courses.reporting.alike import AlikeAt, compare_scripts, list_exercises
 from grader.errors import NotFound
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.questions import Question
 from grader.web.frame.inputs import Visitor
@@ -19,7 +20,7 @@ from grader.web.text.questions import list_titles
 
 PAGE = "/instructor/alike"
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 Id = Annotated[str, Query(pattern="^[0-9a-f]{0,32}$")]
 

@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import Response
 
 from grader.courses.people.identity import Identity
 from grader.courses.reporting.class_answers import ATTEMPTS_MAX, OPTION, ClassAnswers, ClassAttempt
 from grader.courses.rules.mistakes import Family, Made, find_cure
 from grader.domain.axes import ClassAxis, Position
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.questions import Question, kind_of
 from grader.web.cohort.axis_plot import ClassPlot, draw_class
@@ -30,7 +31,7 @@ NAMES = 60
 FIGURES = 3
 """Wrong answers that agree to so many figures are one."""
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 Part = Annotated[str, Query(max_length=200)]
 

@@ -4,7 +4,7 @@ nobody, and shows nothing where too few have answered to hide among. It needs no
 from collections import Counter
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import Response
 
 from grader.courses.answering.access import read_access
@@ -12,6 +12,7 @@ from grader.courses.reporting.class_answers import ClassAnswers
 from grader.courses.rules.policy import Shown
 from grader.domain.axes import ClassAxis, Position
 from grader.errors import Conflict
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.web.cohort.axis_plot import draw_class, list_dots
 from grader.web.cohort.axis_words import describe_near, round_position
@@ -27,7 +28,7 @@ PILE_MIN = 3
 
 NOT_SOLVED = "You see where the class stands once you have solved the question, and its solution may be seen."
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}/class")

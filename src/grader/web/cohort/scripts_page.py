@@ -4,11 +4,12 @@ import json
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import RedirectResponse, Response
 
 from grader.courses.reviewing.line_comments import write_comment
 from grader.errors import NotFound
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.store import submissions
 from grader.web.cohort.answers_page import ClassAt, make_address, read_class
@@ -20,7 +21,7 @@ from grader.web.learner.pages import show_sign_in
 SCRIPTS = 6
 """Scripts on one page."""
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 Key = Annotated[str, Query(max_length=32)]
 

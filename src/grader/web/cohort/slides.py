@@ -3,11 +3,12 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import Response
 from markupsafe import Markup
 
 from grader.courses.rules.mistakes import Family, find_cure
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.web.cohort.answers_page import ClassAt, Part, choose_headline, read_class
 from grader.web.cohort.axis_plot import ClassPlot, draw_class
@@ -21,7 +22,7 @@ MISTAKES = 3
 LEARNERS_MIN = 2
 """A mistake of one learner gets no slide: the learner would be known."""
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @dataclass(frozen=True)

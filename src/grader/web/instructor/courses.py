@@ -3,13 +3,14 @@ needs no script."""
 
 from typing import Any
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
 from grader.courses.people import courses
 from grader.courses.people.identity import DEFAULT_COURSE, Identity
 from grader.errors import Conflict, Unprocessable
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import PRIVATE, page
@@ -18,7 +19,7 @@ from grader.web.platform.frames import start_session_in
 
 PAGE = "/instructor/courses"
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.get(PAGE)

@@ -5,13 +5,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import Response
 
 from grader.courses.answering.policies import CoursePolicy, change_policy, read_course_policy
 from grader.courses.people.identity import Identity
 from grader.domain.policy import Policy
 from grader.errors import Outdated, Unprocessable, WrongMoments
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import PRIVATE, page
@@ -45,7 +46,7 @@ LATE = {"until": "late_until", "per_day": "late_per_day", "floor": "late_floor"}
 MOMENTS = {"opens": "Opens", "due": "Due", "late_until": "Late answers until"}
 """The fields of the form that are moments, with their labels."""
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import RedirectResponse, Response
 from pydantic import ValidationError
 
@@ -13,6 +13,7 @@ from grader.courses.people.identity import Identity
 from grader.courses.people.namesakes import marked, marks_in
 from grader.domain.policy import Extension, Policy
 from grader.errors import Unprocessable
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.store import extensions, people
 from grader.store.tables import ExtensionRow, Member
@@ -32,7 +33,7 @@ MOMENTS = {"due": "Due", "until": "Late answers until"}
 BOXES = 500
 """Learners on the page who can be ticked; all others can be named."""
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.get(PAGE)

@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import Response
 from sqlalchemy.orm import Session
 
@@ -15,6 +15,7 @@ from grader.courses.reviewing.blinding import unseen_by
 from grader.courses.rules.gradebook import Form
 from grader.domain.pages.markup import plain_text
 from grader.domain.verdict import Status
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.library import Library
 from grader.questions import Quiz
@@ -38,7 +39,7 @@ LEGEND = (*(STATUSES[one] for one in (Status.CORRECT, Status.PARTIAL, Status.INC
 SHOWN = dict(zip(SHOWS, ("everyone", "who waits for a verdict", "who has not answered everything"), strict=True))
 FORMS = {Form.GENERIC: "CSV", Form.CANVAS: "CSV for Canvas", Form.MOODLE: "CSV for Moodle"}
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 class Cell(NamedTuple):

@@ -4,12 +4,13 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import groupby
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import Response
 
 from grader.courses.people.namesakes import marks_in
 from grader.courses.reviewing.blinding import blinded, unseen_by
 from grader.errors import NotFound
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.library import Library
 from grader.questions import Question, kind_of
@@ -27,7 +28,7 @@ from grader.web.verdict.work import Given, read_in_full
 ANSWERS = 100
 """Answers of a learner's story on one page."""
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.get("/instructor/learners/{learner}")

@@ -8,7 +8,7 @@ from datetime import timedelta
 from typing import Annotated, Any, Literal, get_args
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import Depends, Query, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
@@ -20,6 +20,7 @@ from grader.courses.people.identity import Identity, Role, Scope
 from grader.courses.people.namesakes import marks_in
 from grader.courses.rules.csv_cells import guarded, lines
 from grader.errors import CallerError, NotFound, Unauthorized, Unprocessable
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.store import courses, people, platforms
 from grader.store.courses import AuditEntry
@@ -54,7 +55,7 @@ SUBJECTS = {
 ROLES = {"": "everyone", Role.STUDENT: "students", Role.INSTRUCTOR: "instructors", Role.SERVICE: "services"}
 """The roles by which members are shown."""
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @dataclass(frozen=True)

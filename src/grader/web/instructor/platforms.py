@@ -4,7 +4,7 @@ instructor sees the courses of platforms that are linked with the own course, or
 
 from typing import Any
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 from grader.courses.people import platforms as rules
 from grader.courses.people.identity import DEFAULT_COURSE, Identity
 from grader.errors import CallerError
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.platforms import administration
 from grader.platforms.tool import MISSING, addresses
@@ -22,7 +23,7 @@ from grader.web.platform.frames import LtiTool
 
 PAGE = "/instructor/lti"
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.get(PAGE)

@@ -3,7 +3,7 @@
 import re
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import RedirectResponse, Response
 
 from grader.courses.people.identity import Identity
@@ -12,6 +12,7 @@ from grader.courses.regrading import regrades
 from grader.courses.regrading.regrades import IDS_MAX, SCOPES, Scope, Wanted
 from grader.courses.reviewing.blinding import blinded_differences
 from grader.errors import CallerError, Unprocessable
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.store import regrades as stored
 from grader.store.regrades import UNFINISHED
@@ -29,7 +30,7 @@ NAMED = "these"
 WORDS = {"latest": "the latest", "best": "the best", "all": "all"}
 """The scopes in words."""
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.get(PAGE)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
@@ -16,6 +16,7 @@ from grader.courses.people.namesakes import marked, marks_in
 from grader.courses.reviewing.blinding import blinded, unseen_by
 from grader.courses.reviewing.desk import Desk
 from grader.errors import NotFound
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.library.lesson_text import find_lesson_id
 from grader.questions import Quiz, kind_of
@@ -31,7 +32,7 @@ UNDER_REVIEW = "An answer here is under review without a name, and left out."
 READ_ONLY = {POLICY: security_policy().replace("form-action 'self'", "form-action 'none'")}
 """Lets the browser send no form of the page."""
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.get("/instructor/learners/{learner}/lessons/{lesson}")

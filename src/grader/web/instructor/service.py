@@ -2,12 +2,13 @@
 
 from typing import Any
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
 from grader.courses.people.identity import Identity
 from grader.courses.sending import outbox
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.queue import jobs
 from grader.store import outbox as stored
@@ -27,7 +28,7 @@ TOPICS = {
     jobs.PRUNE: "Old records to delete",
 }
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.get(PAGE)

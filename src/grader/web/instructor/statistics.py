@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import Response
 from markupsafe import Markup
 
 from grader.courses.rules.mistakes import name_family
 from grader.courses.rules.statistics import Cluster, Estimate, QuestionStatistics
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.questions import CountedNumber, Question, kind_of
 from grader.web.frame.inputs import Visitor
@@ -29,7 +30,7 @@ ALL_OPTIONS_MAX = 10
 HALF_WIDTH = 520.0
 """Width of a plot that stands beside another."""
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @dataclass(frozen=True)

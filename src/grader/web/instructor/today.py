@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
@@ -17,6 +17,7 @@ from grader.courses.reporting.stuck import SUBMISSIONS_MAX, SharedMistake, Stuck
 from grader.courses.reporting.today import COUNTED_MAX, Today, read_today
 from grader.domain.verdict import Status
 from grader.errors import ContentError
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.library import Library
 from grader.platforms import administration
@@ -40,7 +41,7 @@ STUCK_SHOWN = 5
 
 DAY = timedelta(days=1)
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @dataclass(frozen=True)

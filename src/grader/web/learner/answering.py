@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from functools import partial
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import RedirectResponse, Response
 
@@ -14,6 +14,7 @@ from grader.courses.people.identity import Identity
 from grader.courses.people.sign_in import start_anonymous_session
 from grader.domain.verdict import Status
 from grader.errors import CallerError, Conflict, InvalidAnswer, NotFound, TooLarge, TooManyRequests, Unauthorized
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.grading.pipeline import ParsedSubmission
 from grader.questions import FIELD, Fields, Question, kind_of
@@ -23,7 +24,7 @@ from grader.web.frame.rendering import page
 from grader.web.learner.lesson import Typed
 from grader.web.learner.pages import SIGN_IN, show_exercise, show_lesson
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 BACK = re.compile(r"/(lessons/[\w.-]+|\?quiz=[\w.-]+)?", re.ASCII)
 """The addresses of pages with questions, to one of which a learner returns."""

@@ -3,11 +3,12 @@
 from typing import Annotated
 from urllib.parse import quote
 
-from fastapi import APIRouter, Path
+from fastapi import Path
 from fastapi.responses import Response
 
 from grader.domain.pages.media import ADDRESS, PICTURES, SVG, Media
 from grader.errors import NotFound, Unauthorized
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.web.frame.inputs import Visitor
 from grader.web.learner.pages import SIGN_IN, find_reader
@@ -22,7 +23,7 @@ HEADERS = {
 
 Digest = Annotated[str, Path(pattern="^[0-9a-f]{64}$")]
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.get(ADDRESS + "{sha256}/{name}")

@@ -4,12 +4,13 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import PlainTextResponse, RedirectResponse, Response
 
 from grader.courses.people.identity import DEFAULT_COURSE, Identity, Role
 from grader.domain.pages.markup import plain_text
 from grader.errors import NotFound, Unauthorized
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.library import Library
 from grader.library.lesson_text import OTHER, find_lesson_id
@@ -31,7 +32,7 @@ from grader.web.verdict.work import list_attempts, read_work
 SIGN_IN = "Sign in first."
 NO_ATTEMPT = "You have no such attempt."
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 def show_sign_in(request: Request, services: Services, who: Identity | None) -> Response:

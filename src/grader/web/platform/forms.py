@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from datetime import timedelta
 from typing import Any
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
@@ -18,6 +18,7 @@ from grader.courses.people.sign_in import start_session
 from grader.domain.platform import Platform
 from grader.domain.policy import Policy
 from grader.errors import Forbidden, NotFound, Unauthorized, Unprocessable
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.library import Library
 from grader.platforms.launching.addresses import origin_of
@@ -34,7 +35,7 @@ from grader.web.frame.rendering import POLICY, PRIVATE, page, security_policy
 from grader.web.platform.frames import LtiTool, Pairs, PlainWords, show_framed, start_session_in
 from grader.web.text.questions import describe_quiz
 
-router = APIRouter(include_in_schema=False, prefix="/lti", route_class=PlainWords)
+router = page_router("/lti", route_class=PlainWords)
 
 COURSE, CHOICE, TAB = "lti-course", "lti-choice", "lti-tab"
 LIFETIME = timedelta(hours=1)

@@ -6,11 +6,11 @@ from urllib.parse import parse_qsl
 
 from fastapi import Depends, Request
 from fastapi.responses import Response
-from fastapi.routing import APIRoute
 
 from grader.courses.people.sign_in import BrowserSession
 from grader.domain.platform import Platform
 from grader.errors import CallerError, Conflict, Forbidden, NotFound, Unauthorized, Unprocessable
+from grader.gate.late_routes import LateRoute
 from grader.gate.services import AppServices, Services
 from grader.platforms.tool import MISSING, Tool
 from grader.web.frame.rendering import POLICY, PRIVATE, page, security_policy
@@ -44,7 +44,7 @@ async def read_pairs(request: Request) -> list[tuple[str, str]]:
 Pairs = Annotated[list[tuple[str, str]], Depends(read_pairs)]
 
 
-class PlainWords(APIRoute):
+class PlainWords(LateRoute):
     """A route that shows the reader of a frame a refusal as a page."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:

@@ -3,12 +3,13 @@
 from urllib.parse import quote, urlencode
 
 import structlog
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 
 from grader.courses.people.identity import Role
 from grader.errors import Forbidden, Unauthorized, Unprocessable
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.library import Library
 from grader.platforms.launching import login as logins
@@ -23,9 +24,9 @@ from grader.web.platform.forms import enter, show_button, show_choices, show_cou
 from grader.web.platform.forms import router as forms
 from grader.web.platform.frames import LtiTool, Pairs, PlainWords, show_framed
 
-router = APIRouter(include_in_schema=False, prefix="/lti")
+router = page_router("/lti")
 router.routes.extend(forms.routes)
-launches = APIRouter(include_in_schema=False, prefix="/lti", route_class=PlainWords)
+launches = page_router("/lti", route_class=PlainWords)
 log = structlog.get_logger()
 
 PUBLIC = {"Cache-Control": "public, max-age=300", "X-Content-Type-Options": "nosniff"}

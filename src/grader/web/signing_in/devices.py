@@ -1,6 +1,6 @@
 """`/devices`: a member confirms the code that a program shows, and sees and revokes the tokens of their devices."""
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import RedirectResponse, Response
 
@@ -8,6 +8,7 @@ from grader.courses.people import devices
 from grader.courses.people.identity import Identity
 from grader.courses.people.tokens import shown
 from grader.errors import Conflict, NotFound, Unauthorized
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.web.frame.inputs import Form, Visitor
 from grader.web.frame.rendering import PRIVATE, page
@@ -22,7 +23,7 @@ SAID = {
     "revoked": "Revoked. Programs on that device are refused from now on.",
 }
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.get(PAGE)

@@ -4,7 +4,7 @@ own."""
 
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 
 from grader.courses.people.courses import add_course
@@ -20,12 +20,13 @@ from grader.courses.people.sign_in import (
     start_anonymous_session,
 )
 from grader.errors import Forbidden, Unauthorized
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.store.courses import course_with_code
 from grader.web.frame.inputs import Form, Visitor
 from grader.web.frame.rendering import PRIVATE, page
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.post("/session")

@@ -4,15 +4,16 @@ import secrets
 from datetime import timedelta
 
 import structlog
-from fastapi import APIRouter, Request
+from fastapi import Request
 from fastapi.responses import RedirectResponse, Response
 
 from grader.errors import NotFound, Unauthorized
+from grader.gate.late_routes import page_router
 from grader.gate.openid import FAILED, Attempt, Provider
 from grader.gate.services import AppServices, Services
 from grader.web.signing_in.links import redirect_signed_in
 
-router = APIRouter(include_in_schema=False, prefix="/oidc")
+router = page_router("/oidc")
 log = structlog.get_logger()
 
 COOKIE = "grader_oidc"

@@ -2,11 +2,12 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import Response
 
 from grader.courses.reviewing.blinding import blinded
 from grader.errors import NotFound
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.store import submissions
 from grader.store.submissions import SubmissionFilter
@@ -16,7 +17,7 @@ from grader.web.text.questions import list_titles
 from grader.web.verdict.reel import NO_ATTEMPT, REEL_MAX, build_reel
 from grader.web.verdict.work import compare_attempts, read_in_full
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.get("/instructor/learners/{learner}/reel/{quiz_id}/{question_id}")

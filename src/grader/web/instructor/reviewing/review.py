@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import Depends, Query, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
@@ -21,6 +21,7 @@ from grader.courses.rules.policy import spoken
 from grader.courses.rules.rubric import Mark
 from grader.domain.verdict import NO_COMMENT, REVIEW
 from grader.errors import CallerError, NotFound, Outdated, Unprocessable
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.library import Library
 from grader.questions import Question, kind_of
@@ -44,7 +45,7 @@ CHANGED = "The answer was marked or graded again since you opened it. Look at it
 NOTHING_TICKED = "Tick what holds, or give points; 0 points where nothing does."
 NO_POINTS = "Give points."
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import Depends, Query, Request
 from fastapi.responses import Response
 from sqlalchemy.orm import Session
 
@@ -18,6 +18,7 @@ from grader.courses.reviewing import reviews
 from grader.courses.reviewing.blinding import blinded
 from grader.courses.reviewing.desk import Desk
 from grader.domain.verdict import Status
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.store import submissions
 from grader.store.reviewing import reviews as stored
@@ -47,7 +48,7 @@ LISTS = {
 }
 """The lists, by the value of `which`."""
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @dataclass(frozen=True)

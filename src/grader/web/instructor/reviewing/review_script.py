@@ -6,7 +6,7 @@ import json
 from functools import partial
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
@@ -17,6 +17,7 @@ from grader.courses.people.namesakes import marks_in
 from grader.courses.reviewing.blinding import blinded
 from grader.courses.reviewing.line_comments import delete_comment, read_source, write_comment
 from grader.errors import CallerError, NotFound, Unprocessable
+from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.store import submissions
 from grader.store.reviewing import line_comments
@@ -38,7 +39,7 @@ WAIT_S, LOOK_S = 20.0, 0.3
 COPIES = 8
 """Copies that are listed."""
 
-router = APIRouter(include_in_schema=False)
+router = page_router()
 
 
 @router.post(f"{PAGE}/{{submission_id}}/lines")
