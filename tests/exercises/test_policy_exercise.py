@@ -103,6 +103,7 @@ def test_the_share_has_its_interval_and_nothing_hidden_is_told(pipeline: Pipelin
         assert trial.inputs == {
             "arrays": {"W1": [4, 1]},
             "width": 4,
+            "functions": ["linear"],
             "observed": ["cart", "pole", "cart_rate", "pole_rate"],
         }
     assert len({episode.xml for trial in plan.trials for episode in trial.problem.episodes}) > 10

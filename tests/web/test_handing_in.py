@@ -206,6 +206,8 @@ def test_the_pages_take_models_and_files_without_javascript(site: Site) -> None:
 
     page = browser.get("/quizzes/made/weights").text
     assert 'enctype="multipart/form-data"' in page
+    assert 'accept=".npz,.onnx"' in page
+    assert "A .npz or .onnx file of at most 256" in page
     assert "<textarea" not in page
     refused = send(browser, page, b"", "")
     assert refused.status_code == 422
@@ -262,7 +264,7 @@ def test_the_command_line_and_the_packs_know_the_files(
     assert json.loads(kit["exercise.json"])["takes"] == "mjcf"
     assert not [path for path in kit if path.endswith(".ipynb")]
     assert "numpy.savez" in list_texts(library, "made", "weights", judged=True)["README.md"]
-    for name, suffix in (("three-geoms", ".xml"), ("weights", ".npz")):
+    for name, suffix in (("three-geoms", ".xml"), ("weights", "'.npz .onnx'")):
         asked = library.question("made", name)
         assert isinstance(asked, ScriptQuestion)
         said = next(one for one in scripts("made", asked, allow_t2=False) if one.path == "exercise.sh")

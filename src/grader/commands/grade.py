@@ -42,7 +42,7 @@ def grade(
     quiz: str,
     question: str,
     answer: Annotated[
-        str, typer.Argument(help="The file of an exercise: a script, notebook, model or .npz; else the answer itself.")
+        str, typer.Argument(help="The file of an exercise: a script, notebook, model, .npz or .onnx; else the answer.")
     ],
     as_json: Json = False,
     seed: Annotated[

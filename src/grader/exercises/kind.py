@@ -192,7 +192,8 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     driver: str
     takes: Sequence[Takes] = ("python",)
     """What may be handed in. For MJCF text and for a file the student's function, which the grader writes, takes any
-    arguments and returns the text, or the bytes of the file: a stranger's, of up to 256 KB."""
+    arguments and returns the text, or the bytes of the file: a stranger's, of up to 256 KB, for `npz` as numpy.savez
+    or as ONNX writes it."""
     measurement: Measurement | None = None
     """What is needed where a script makes models, or anything else that takes time or files to judge: never compile or
     simulate it in `judge`, which runs in the grader's own process."""

@@ -19,7 +19,7 @@ from grader.questions import FORMS, decode_file
 FROM_VERSION = re.compile(r"# from MuJoCo (\d+\.\d+\.\d+): (\w+)(?:: (.+))?")
 """A line of a reference program: the version of MuJoCo from which on it gets another status, and its diagnosis."""
 
-TAKES = {form.suffix: takes for takes, form in FORMS.items()}
+TAKES = {suffix: takes for takes, form in FORMS.items() for suffix in form.suffixes}
 """What a reference program is, by how its file ends."""
 
 XML_COMMENT = partial(re.compile(r"^<!--(.*?)\s*-->\s*$").sub, r"#\1")
@@ -32,8 +32,9 @@ NO_QUESTION = "not found"
 
 @dataclass(frozen=True)
 class ReferenceProgram:
-    """A file reference_solutions/<quiz>/<question>/<status>__<why>.py, or .xml or .npz; `file` is relative to the root.
-    `source` is its text, or its base64. `status` and `diagnosis` are what it must get with the installed MuJoCo."""
+    """A file reference_solutions/<quiz>/<question>/<status>__<why>.py, or another that exercises take; `file` is
+    relative to the root. `source` is its text, or its base64. `status` and `diagnosis` are what it must get with the
+    installed MuJoCo."""
 
     file: str
     source: str

@@ -64,7 +64,7 @@ def pack_gradescope(library: Library, quiz: str, question: str, out: Path, *, al
 
 def scripts(quiz: str, question: ScriptQuestion, *, allow_t2: bool) -> list[Packed]:
     """Returns the scripts that Gradescope calls, and what this exercise says to them."""
-    suffixes = ".py .ipynb" if question.takes == "python" else question.form.suffix
+    suffixes = ".py .ipynb" if question.takes == "python" else " ".join(question.form.suffixes)
     values = {
         "QUIZ": quiz, "QUESTION": question.id, "SUFFIXES": suffixes, "GRADER_ALLOW_T2": str(allow_t2).lower()
     }  # fmt: skip

@@ -17,8 +17,8 @@ ENTRY = "answer"
 
 MODULE = 'from base64 import b64decode\n\n\ndef {entry}(*arguments):\n    return b64decode("{text}"){decoded}\n'
 
-ZIP = b"PK"
-"""How every .npz file begins: it is a zip file."""
+BEGINNINGS = (b"PK", b"\x08")
+"""How every .npz file begins, which is a zip file, and every .onnx file, whose first field is a version."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,17 @@ class Form:
     key: str
     shape: str
     empty: str
+    others: tuple[str, ...] = ()
 
     @property
     def is_file(self) -> bool:
         """Whether the answer is a file, which no editor shows."""
         return self.key == "file"
+
+    @property
+    def suffixes(self) -> tuple[str, ...]:
+        """How the files that are taken end, the usual one first."""
+        return (self.suffix, *self.others)
 
 
 FORMS: dict[Takes, Form] = {
@@ -50,14 +56,15 @@ FORMS: dict[Takes, Form] = {
     ),
     "npz": Form(
         "file", ".npz", "application/octet-stream", "file",
-        'The answer to this exercise is {"file": "your .npz file in base64"}.', "The file is empty.",
+        'The answer to this exercise is {"file": "your .npz or .onnx file in base64"}.', "The file is empty.",
+        (".onnx",),
     ),
 }  # fmt: skip
 
 
 def read_text(form: Form, answer: object) -> str:
     """Returns the text of an answer. Raises Unprocessable for another shape, TooLarge, and InvalidAnswer for nothing
-    or for a file that is no .npz file."""
+    or for a file that is neither .npz nor .onnx."""
     if not isinstance(answer, dict) or not isinstance(answer.get(form.key), str) or set(answer) - {form.key}:
         raise Unprocessable(form.shape)
     text: str = answer[form.key].removeprefix("\ufeff")  # editors put it there, and Python skips it in a file
@@ -68,8 +75,8 @@ def read_text(form: Form, answer: object) -> str:
         )
     if not data.strip():
         raise InvalidAnswer(form.empty)
-    if form.is_file and not data.startswith(ZIP):
-        raise InvalidAnswer("This is no .npz file: write it with numpy.savez.")
+    if form.is_file and not data.startswith(BEGINNINGS):
+        raise InvalidAnswer("This is no .npz file and no .onnx file: write it with numpy.savez.")
     return text
 
 

@@ -16,7 +16,7 @@ from grader.exercises.episodes.placing import place_episodes
 from grader.exercises.episodes.simulating import EpisodeRun, list_constant_laws, simulate_law
 from grader.exercises.film import Film
 from grader.exercises.kind import Content, DrawnCase, JudgedTrial, Judgement, Kind, Results, Trial
-from grader.exercises.kinds.policy import driver
+from grader.exercises.kinds.policy import driver, onnx
 from grader.exercises.kinds.policy.judge import Ran, judge_policy, list_shapes
 from grader.exercises.kinds.policy.mistakes import name_the_mistake
 from grader.exercises.kinds.policy.network import write_constant
@@ -35,7 +35,7 @@ class Policy(Kind[PolicyParameters, Problem, Any]):
     """Judges the weights of a policy: one trial for each case, of one or more episodes."""
 
     parameters = PolicyParameters
-    driver = getsource(driver)
+    driver = getsource(onnx) + getsource(driver)
     takes = ("npz",)
     mistakes_tell_size = False
     how = "The grader reads the arrays of your file, runs the policy in its own simulation, and judges the motion."
@@ -52,6 +52,7 @@ class Policy(Kind[PolicyParameters, Problem, Any]):
         inputs = {
             "arrays": {name: list(shape) for name, shape in shapes.items()},
             "width": width,
+            "functions": parameters.form.list_functions(),
             "observed": list_columns(parameters, problem)[:width],
         }
         return [Trial(drawn.case.id, inputs, problem)]

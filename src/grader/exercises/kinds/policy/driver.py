@@ -1,7 +1,7 @@
-"""Reads the learner's file of arrays, in the jail. This file is the text of the driver: NumPy and the standard library
-alone. Names, types and shapes are read from the headers before any array is, so that nothing is unpickled, and no array
-is larger than the declared one. It submits all numbers in one row, in the declared order, or a sentence on what is
-wrong with the file."""
+"""Reads the learner's file of arrays, or an ONNX file, in the jail. The text of `onnx` and of this file is that of the
+driver: NumPy and the standard library alone. Names, types and shapes are read from the headers before any array is, so
+that nothing is unpickled, and no array is larger than the declared one. It submits all numbers in one row, in the
+declared order, or a sentence on what is wrong with the file."""
 
 import io
 import struct
@@ -13,9 +13,17 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+Refused: type[Exception] = globals().get("Refused", Exception)
+read_chain: Callable[[bytes, int], Any] = globals().get("read_chain", lambda *_: None)
+"""Names of `onnx`, whose text comes before this one in the jail."""
+
 NAMES_SHOWN, CHARS_SHOWN = 6, 40
 METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 NORMALISATION = ("mean", "std")
+CURE = (
+    'Send an .npz file: numpy.savez("policy.npz", W1=first.weight.detach().numpy().T, b1=first.bias.detach().numpy(), '
+    "...) for PyTorch's layers."
+)
 
 Shape = tuple[int, ...]
 
@@ -41,19 +49,58 @@ def trial(functions: Any, inputs: Mapping[str, Any], submit: Callable[[str, Any]
 def read_file(data: bytes, shapes: Mapping[str, Shape], inputs: Mapping[str, Any]) -> Any:
     """Returns the numbers of a file in one row: the declared arrays, then mean and std if it has them. Raises WrongFile
     and WrongArrays."""
+    arrays = (read_arrays if data.startswith(b"PK") else read_network)(data, shapes, inputs)
+    if "std" in arrays and not (arrays["std"] > 0).all():
+        raise WrongArrays("std holds a number that is not above 0: observations are divided by it.")
+    return np.concatenate([array.ravel() for array in arrays.values()])
+
+
+def read_arrays(data: bytes, shapes: Mapping[str, Shape], inputs: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the arrays of an .npz file by name. Raises WrongFile and WrongArrays."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as file:
             members = list_members(file)
             check_names([*members], shapes, inputs["observed"])
             optional = dict.fromkeys(NORMALISATION, (inputs["width"],)) if "std" in members else {}
-            arrays = {
+            return {
                 name: read_array(file, members[name], name, shape) for name, shape in {**shapes, **optional}.items()
             }
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, RuntimeError, ValueError) as error:
         raise WrongFile(f"The file is damaged, or no .npz file: write it with numpy.savez ({cut(error)}).") from None
-    if "std" in arrays and not (arrays["std"] > 0).all():
-        raise WrongArrays("std holds a number that is not above 0: observations are divided by it.")
-    return np.concatenate([array.ravel() for array in arrays.values()])
+
+
+def read_network(data: bytes, shapes: Mapping[str, Shape], inputs: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the arrays of an ONNX file by name: the declared ones, then mean and std if it has them. Raises WrongFile
+    and WrongArrays."""
+    try:
+        chain = read_chain(data, inputs["width"])
+    except Refused as error:
+        raise WrongArrays(f"{error}. {CURE}") from None
+    except ValueError as error:
+        raise WrongFile(f"The file is damaged, or neither .npz nor .onnx ({cut(error)}). {CURE}") from None
+    sizes = (inputs["width"], *(layer.weights.shape[1] for layer in chain.layers))
+    wanted = (inputs["width"], *(shape[1] for shape in shapes.values() if len(shape) == 2))
+    if sizes != wanted:
+        raise WrongArrays(f"The layers of the ONNX file have the sizes {show(sizes)} instead of {show(wanted)}.")
+    arrays: dict[str, Any] = {}
+    for number, (layer, function) in enumerate(zip(chain.layers, inputs["functions"], strict=True), 1):
+        if layer.functions != [function] * (function != "linear"):
+            has = " and ".join(layer.functions[:4]) or "linear"
+            raise WrongArrays(
+                f"Layer {number} of the ONNX file ends with {has}, and that of this policy with {function}."
+            )
+        bias = np.zeros(layer.weights.shape[1]) if layer.bias is None else layer.bias
+        if f"b{number}" not in shapes and bias.any():
+            raise WrongArrays(f"Layer {number} of the ONNX file has a bias, and this policy has none.")
+        arrays |= {f"W{number}": layer.weights, f"b{number}": bias}
+    arrays = {name: arrays[name] for name in shapes}
+    if chain.mean is not None or chain.std is not None:
+        zero, one = np.zeros(inputs["width"]), np.ones(inputs["width"])
+        arrays |= {"mean": zero if chain.mean is None else chain.mean, "std": one if chain.std is None else chain.std}
+    for name, array in arrays.items():
+        if not np.isfinite(array).all():
+            raise WrongArrays(explain_not_finite(name, array))
+    return {name: array.astype(np.float64) for name, array in arrays.items()}
 
 
 def list_members(file: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:

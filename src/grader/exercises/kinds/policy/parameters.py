@@ -53,6 +53,10 @@ class PolicyForm(Strict):
                 shapes[f"b{layer}"] = (columns,)
         return shapes
 
+    def list_functions(self) -> list[str]:
+        """Returns the function behind each layer."""
+        return [*[self.activation] * len(self.hidden), self.output]
+
 
 class Normalisation(Strict):
     """The mean and the standard deviation by which training divides what is observed, one number for each."""
