@@ -14,14 +14,14 @@ import pytest
 
 import grader
 from grader.settings import Settings
-from support.sites import ROOT, open_site
+from support.sites import ROOT, Site, open_site
 
 SOURCES = str(Path(grader.__file__).parent)
 
 SERVER = "/service/serving.py"
 """Stands where uvicorn stands: what it sends is no part of the walk."""
 
-LIMITS = {"choice": (20, 74), "number": (26, 94), "typed number": (28, 104), "script": (25, 86)}
+LIMITS = {"choice": (20, 74), "number": (26, 94), "typed number": (28, 108), "script": (25, 86)}
 """How many modules and moves an answer has at most: a choice that others have given, a right number, a wrong one that
 was typed with a unit, which is read and searched for slips, and a script until it is queued.
 """
@@ -80,8 +80,8 @@ def module_of_caller(frame: FrameType) -> str | None:
 
 
 @pytest.fixture(scope="module")
-def learner(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
-    """A learner of a server without a worker, whose threads all serve the one answer. `WALKING` follows them."""
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """A server without a worker, whose threads all serve the one answer. `WALKING` follows them."""
 
     def follow(frame: FrameType, event: str, arg: Any) -> None:
         for walk in WALKING:
@@ -91,7 +91,7 @@ def learner(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
     try:
         settings = Settings(content=ROOT, data=tmp_path_factory.mktemp("walks"), workers=0)
         with open_site(settings) as site:
-            yield site.client("ann")
+            yield site
     finally:
         threading.setprofile(None)
 
@@ -125,8 +125,9 @@ the first answer alone.
 
 
 @pytest.mark.parametrize("name", ANSWERS)
-def test_an_answer_meets_few_modules(learner: httpx.Client, name: str) -> None:
+def test_an_answer_meets_few_modules(site: Site, name: str) -> None:
     quiz, question, answers, status = ANSWERS[name]
+    learner = site.client(name.replace(" ", "-"))  # who has no result yet that a wrong answer would leave as it is
     walk = min((walk_of(learner, quiz, question, one, status) for one in answers), key=lambda one: len(one.moves))
     print(f"{name}: {len(walk.modules)} modules, {len(walk.moves)} moves", *walk.moves, sep="\n")
     assert len(walk.modules) <= LIMITS[name][0]
