@@ -9,7 +9,6 @@ from typing import Any
 
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
-from starlette.types import Receive, Scope, Send
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from grader.api import openapi, routes
@@ -47,25 +46,12 @@ from grader.web.frame.errors import error_page
 from grader.web.routes import router as pages
 
 
-class Service(FastAPI):
-    """FastAPI behind our own middlewares. Its `add_middleware` would put them behind what FastAPI sets around every app
-    for errors, telemetry and sizes of bodies. We answer these ourselves, and a short answer never gets to FastAPI."""
-
-    gate: Any
-    """The outermost of these middlewares."""
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles the lifespan or a request, as ASGI says."""
-        scope["app"] = self
-        await self.gate(scope, receive, send)
-
-
-def create_app(settings: Settings, graders: Graders | None = None, is_ending: Callable[[], bool] = never) -> Service:
+def create_app(settings: Settings, graders: Graders | None = None, is_ending: Callable[[], bool] = never) -> FastAPI:
     """The whole service as one ASGI app; `graders` may have begun. Raises ContentError if the content has faults, and
     InterruptedError once `is_ending` while the database does not answer."""
     log_to_stderr(as_json=is_json(settings.log_format))
     services = build_services(settings, graders or build_graders(settings), is_ending)
-    app = Service(
+    app = FastAPI(
         title="MuJoCo grader",
         version=version("mujoco-grader"),
         lifespan=lifespan_of(services),
@@ -79,10 +65,12 @@ def create_app(settings: Settings, graders: Graders | None = None, is_ending: Ca
     routes.include_in(app)
     app.routes.extend(pages.routes)
     openapi.install(app, settings.origin if settings.public_origin else None)
-    answers = ShortAnswersMiddleware(partial(FastAPI.__call__, app), services)
-    app.gate = RequestsMiddleware(AdmissionMiddleware(answers, services.database, services.admission))
+    # `add_middleware` would put ours behind FastAPI's own, which an answer does not need and waits for.
+    answers = ShortAnswersMiddleware(app.build_middleware_stack(), services)
+    app.middleware_stack = RequestsMiddleware(AdmissionMiddleware(answers, services.database, services.admission))
     if settings.trusted_proxies:
-        app.gate = ProxyHeadersMiddleware(app.gate, trusted_hosts=list(map(str, settings.trusted_proxies)))
+        hosts = list(map(str, settings.trusted_proxies))
+        app.middleware_stack = ProxyHeadersMiddleware(app.middleware_stack, hosts)  # type: ignore[arg-type, assignment]
     return app
 
 

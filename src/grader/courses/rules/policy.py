@@ -122,15 +122,13 @@ class Counted:
         return tuple(attempt.number for attempt in self.sources)
 
 
+@lru_cache(maxsize=1024)
 def policy_in_force(default: Policy, changes: str | None) -> Policy:
     """The policy of a quiz in a course: that of the content, with the `changes` of the course, JSON text, in place of
     its values. What counts, and what may be seen when, is decided by this one. The content may have changed since the
     changes were checked: then the values may not fit each other, and are in force all the same."""
-    return default if changes is None else _change_policy(default, changes)
-
-
-@lru_cache(maxsize=1024)
-def _change_policy(default: Policy, changes: str) -> Policy:
+    if changes is None:
+        return default
     values = default.model_dump(mode="json") | json.loads(changes)
     return Policy.model_validate_json(json.dumps(values), context=ONE_BY_ONE)
 
