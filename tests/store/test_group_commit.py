@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -122,6 +123,22 @@ def test_after_several_items_the_next_ones_gather_a_moment(
 
     asyncio.run(asyncio.wait_for(put(), 60))
     assert batches.stored[1:] == ([[10], [20]] if before == 1 else [[10, 20]])
+
+
+@pytest.mark.parametrize(("coming", "gatherings"), [([0], 1), ([1], 1), ([3, 2, 1], 3), ([2] * 9, 5)])
+def test_items_gather_again_while_several_more_come(
+    sqlite: Database, monkeypatch: pytest.MonkeyPatch, coming: list[int], gatherings: int
+) -> None:
+    writer, slept = GroupCommit[int, int](sqlite, Batches().store), list[float]()
+
+    def sleep(seconds: float) -> None:
+        for _ in range(coming[len(slept)]):
+            writer._queue.put(None)
+        slept.append(seconds)
+
+    monkeypatch.setattr(group_commit, "time", SimpleNamespace(sleep=sleep))
+    writer._gather()
+    assert slept == [group_commit.GATHER_S] * gatherings
 
 
 def test_a_transaction_has_a_most_of_items(sqlite: Database, monkeypatch: pytest.MonkeyPatch) -> None:

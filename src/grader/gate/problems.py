@@ -141,6 +141,10 @@ def install(app: FastAPI, error_page: ErrorPage) -> None:
         detail = "; ".join(f"{'.'.join(map(str, item['at']))}: {item['why']}" for item in errors)
         return problem(422, detail, errors=errors)
 
+    @app.exception_handler(Exception)
+    async def on_unexpected(_request: Request, error: Exception) -> Response:
+        raise error  # past FastAPI, which would answer it
+
 
 def problem_of_framework(request: Request, error: HTTPException) -> Response:
     """The problem document of an error that the framework raised. Its 400 for an unreadable body becomes 422."""

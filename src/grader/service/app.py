@@ -65,11 +65,12 @@ def create_app(settings: Settings, graders: Graders | None = None, is_ending: Ca
     routes.include_in(app)
     app.routes.extend(pages.routes)
     openapi.install(app, settings.origin if settings.public_origin else None)
-    app.add_middleware(ShortAnswersMiddleware, services=services)
-    app.add_middleware(AdmissionMiddleware, database=services.database, rules=services.admission)
-    app.add_middleware(RequestsMiddleware)
+    # `add_middleware` would put ours behind FastAPI's own, which an answer does not need and waits for.
+    answers = ShortAnswersMiddleware(app.build_middleware_stack(), services)
+    app.middleware_stack = RequestsMiddleware(AdmissionMiddleware(answers, services.database, services.admission))
     if settings.trusted_proxies:
-        app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(map(str, settings.trusted_proxies)))
+        hosts = list(map(str, settings.trusted_proxies))
+        app.middleware_stack = ProxyHeadersMiddleware(app.middleware_stack, hosts)  # type: ignore[arg-type, assignment]
     return app
 
 

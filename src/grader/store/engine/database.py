@@ -31,6 +31,10 @@ KEPT = 16
 BUSY_S = 30.0
 """How long SQLite waits for the lock of another process [s]."""
 
+CHECKPOINT_PAGES = 4000
+"""Pages of SQLite's log, of 4 KB each, that are moved into its file together. A class that answers changes the same
+pages again and again, and each move waits for the disk."""
+
 AWAY = (OperationalError, InterfaceError, PoolTimeoutError)
 """What SQLAlchemy raises while a database is away, locked, full or read-only."""
 
@@ -280,7 +284,9 @@ def _set_up_sqlite(engine: Engine) -> None:
     @event.listens_for(engine, "connect")
     def on_connect(connection: Any, _record: Any) -> None:
         connection.isolation_level = None
-        for pragma in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
+        for pragma in (
+            "journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON", f"wal_autocheckpoint = {CHECKPOINT_PAGES}"
+        ):  # fmt: skip
             connection.execute(f"PRAGMA {pragma}")
         connection.create_function("folded", 1, folded, deterministic=True)
 

@@ -26,8 +26,11 @@ from grader.store.engine.database import Database
 BATCH_MAX = 200
 """Items of one transaction."""
 GATHER_S = 0.001
-"""How long items gather where several came at once [s]: larger transactions cost less, and the event loop, which takes
-the next ones meanwhile, has the interpreter to itself. An item that comes alone is stored at once."""
+"""How long items gather where several came at once [s], and again while several more come: larger transactions cost
+less, and the event loop, which takes the next ones meanwhile, has the interpreter to itself. An item that comes alone
+is stored at once."""
+GATHERINGS_MAX = 5
+"""How often items gather before a transaction."""
 WAITING_MAX = 2000
 """Items that may wait; more are refused."""
 
@@ -110,9 +113,16 @@ class GroupCommit(Generic[Item, Outcome]):
         batch: list[PendingItem[Item]] = []
         while (first := self._queue.get()) is not None:
             if len(batch) > 1:
-                time.sleep(GATHER_S)
+                self._gather()
             batch = [first, *self._take_waiting(BATCH_MAX - 1)]
             self._store_batch(batch)
+
+    def _gather(self) -> None:
+        for _ in range(GATHERINGS_MAX):
+            waiting = self._queue.qsize()
+            time.sleep(GATHER_S)
+            if self._queue.qsize() < waiting + 2:
+                break
 
     def _take_waiting(self, count_max: int) -> list[PendingItem[Item]]:
         """Takes the items that wait now, at most `count_max`."""
