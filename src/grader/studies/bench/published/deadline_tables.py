@@ -63,7 +63,8 @@ def deadline_machines(results: Results) -> str:
         row["script"]: row for row in results["service"]["loads"] if row["kind"] == "workers" and row["workers"] == 2
     }
     ratios = [row["cores"] / row["machine_cores"] for row in bursts.values() if row["script"] in NAMES]
-    demand(min(ratios) + 0.02 >= BUSY, f"{min(ratios)} of the cores are busy, not {BUSY}")
+    # Runs differ by so much: waits are in proportion.
+    demand(min(ratios) + 0.03 >= BUSY, f"{min(ratios)} of the cores are busy, not {BUSY}")
     return (
         f"A process is taken to work on a script for its CPU time over {BUSY:g}, as two processes on two cores keep "
         f"{span(ratios)} of them busy; {' and '.join(map(str, MACHINES[1:]))} cores were not at hand"
