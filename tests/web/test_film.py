@@ -41,6 +41,7 @@ def state(origin: str, browser: Chromium) -> Any:
     page = context.new_page()
     for path, name in SCRIPTS.items():
         page.goto(path)
+        page.locator(".code-editor").wait_for()  # as it opens, Chromium would style what is put over a selection
         source = (REFERENCES / path.removeprefix("/quizzes/") / name).read_text(encoding="utf-8")
         page.locator("textarea.code").fill(source)
         page.get_by_role("button", name="Run and judge").click()
@@ -207,6 +208,7 @@ def test_nothing_of_a_film_is_fetched_with_the_page(browser: Chromium, origin: s
 def test_a_claim_is_dragged_along_its_axis_once_the_limits_are_shown(browser: Chromium, origin: str) -> None:
     context, page, complaints = open_page(browser, origin, None, reduced_motion="reduce")
     page.goto(SERVO)
+    page.locator(".code-editor").wait_for()  # as it opens, Chromium would style what is put over a selection
     source = (REFERENCES / "1.3-exercises/servo-threshold/correct__spectral_radius.py").read_text(encoding="utf-8")
     page.locator("textarea.code").fill(source)
     page.get_by_role("button", name="Run and judge").click()

@@ -232,6 +232,7 @@ def test_after_the_end_of_a_session_a_reload_offers_the_drafts_of_before(visit: 
     text = visit.card("1.3-check", "q4").get_by_role("textbox")
     text.fill("Half a sentence")
     visit.page.goto(SERVO)
+    visit.page.locator(".code-editor").wait_for()  # as it opens, Chromium would style what is put over a selection
     visit.page.locator("textarea.code").fill("# half a script")
     visit.context.clear_cookies()
     visit.page.reload()
@@ -389,6 +390,7 @@ def largest_stable_timestep(model, integrator):
 def test_a_slow_script_tells_which_case_it_is_at(visit: Visit, browser: Chromium, origin: str) -> None:
     begin(visit)
     visit.page.goto(SERVO)
+    visit.page.locator(".code-editor").wait_for()  # as it opens, Chromium would style what is put over a selection
     visit.page.locator("textarea.code").fill(SLOW_AT_THE_SECOND_CASE)
     visit.page.get_by_role("button", name="Run and judge").click()
     expect(visit.page.locator("#under-way .now")).to_have_text("running, case 2 of 7")
@@ -407,6 +409,7 @@ def test_a_slow_script_tells_which_case_it_is_at(visit: Visit, browser: Chromium
 def test_a_script_that_runs_is_stopped_and_stays_in_the_editor(visit: Visit) -> None:
     begin(visit)
     visit.page.goto(SERVO)
+    visit.page.locator(".code-editor").wait_for()  # as it opens, Chromium would style what is put over a selection
     endless = "while True:\n    pass\n"
     visit.page.locator("textarea.code").fill(endless)
     visit.page.get_by_role("button", name="Run and judge").click()

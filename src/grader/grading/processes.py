@@ -104,7 +104,7 @@ class GradingProcess:
     def begin(self) -> None:
         """Lets the process start; once more is no harm."""
         assert self._process.stdin is not None
-        with suppress(OSError, ValueError):  # it has ended; who waits for it is told
+        with suppress(OSError, ValueError):  # it has ended, and its caller gets an error
             os.write(self._process.stdin.fileno(), b"\n")
 
     def wait_until_ready(self) -> None:
