@@ -1,5 +1,6 @@
 """Labs, run for real: the lesson's own, and made-up ones for everything that a config can say."""
 
+import gc
 import gzip
 import json
 import math
@@ -14,7 +15,10 @@ import pytest
 
 from grader.domain.lab import LabConfig
 from grader.errors import LabError, LabRefused
+from grader.expressions import Machine
 from grader.labs import LabRun, check_lab, run_lab
+from grader.labs.runs import LabSimulation
+from grader.numerics.workspace import Workspace
 from grader.questions import Quiz
 from grader.questions.kinds.predict import PredictQuestion
 
@@ -133,6 +137,24 @@ def test_a_run_is_the_same_bit_for_bit() -> None:
     first, second = (run_lab(question_3(), SERVO, {"stiffness kp": 500}) for _ in range(2))
     assert first.readouts == second.readouts
     assert [x.tobytes() for x, _ in first.poses] == [x.tobytes() for x, _ in second.poses]
+
+
+def test_a_run_leaves_no_data_to_the_garbage_collector() -> None:
+    config = lab(setup="data.qpos[0] = 2", controller="data.ctrl[0] = 1", stopAt="data.time > 1",
+                 readouts=[{"label": "q", "expr": "data.qpos[0]"}])  # fmt: skip
+    run_lab(config, PENDULUM)
+    gc.collect()
+    gc.disable()
+    try:
+        before = count_data_holders()
+        run_lab(config, PENDULUM)
+        assert count_data_holders() == before
+    finally:
+        gc.enable()
+
+
+def count_data_holders() -> int:
+    return sum(isinstance(one, Machine | Workspace | LabSimulation) for one in gc.get_objects())
 
 
 @pytest.mark.slow

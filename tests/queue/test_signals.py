@@ -12,9 +12,9 @@ WAIT_S = 20.0
 
 def test_a_signal_comes_after_the_commit_and_to_its_own_listeners_only(database: Database) -> None:
     heard, other = threading.Event(), threading.Event()
-    with database.signals.listening("events", heard.set, "one"), database.signals.listening("events", other.set, "two"):
-        listening(database, heard, other)
-        with database.write() as session:
+    with database.signals.listening("events", heard.set, "one"):
+        wait_for_listening(database, heard)
+        with database.signals.listening("events", other.set, "two"), database.write() as session:
             announce(session, "events", "one")
             assert not heard.wait(0.1)
         assert heard.wait(WAIT_S)
@@ -24,7 +24,7 @@ def test_a_signal_comes_after_the_commit_and_to_its_own_listeners_only(database:
 def test_a_failed_transaction_is_not_announced(database: Database) -> None:
     heard = threading.Event()
     with database.signals.listening("events", heard.set, "one"):
-        listening(database, heard)
+        wait_for_listening(database, heard)
         try:
             with database.write() as session:
                 announce(session, "events", "one")
@@ -39,7 +39,7 @@ def test_after_a_lost_connection_every_listener_is_called(database: Database) ->
         return
     heard = threading.Event()
     with database.signals.listening("events", heard.set, "one"):
-        listening(database, heard)
+        wait_for_listening(database, heard)
         with database.engine.begin() as connection:
             connection.execute(
                 text("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = :name"),
@@ -48,9 +48,8 @@ def test_after_a_lost_connection_every_listener_is_called(database: Database) ->
         assert heard.wait(WAIT_S)
 
 
-def listening(database: Database, *heard: threading.Event) -> None:
-    """Waits until the listening has begun, which calls every listener."""
+def wait_for_listening(database: Database, heard: threading.Event) -> None:
+    """Waits until the listening has begun, which calls every listener of that moment."""
     if not database.is_sqlite:
-        for event in heard:
-            assert event.wait(WAIT_S)
-            event.clear()
+        assert heard.wait(WAIT_S)
+        heard.clear()

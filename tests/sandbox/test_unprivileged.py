@@ -12,7 +12,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -22,6 +21,7 @@ from grader.sandbox import policy
 from sandbox import test_hostile, test_stepping
 from sandbox.conftest import ROOT, Content, landlock_abi
 from sandbox.test_stepping import INPUTS, true_states
+from support.users import as_user
 
 USER = 65533  # neither root nor nobody, and needs no entry in /etc/passwd
 SCRIPT = """
@@ -63,18 +63,12 @@ def interpreter() -> str | None:
     for candidate in (sys.executable, "/usr/bin/python3"):
         probe = [candidate, "-c", "import sys; print(*sys.version_info[:2])"]
         try:
-            done = subprocess.run(probe, capture_output=True, text=True, check=False, **as_user())
+            done = subprocess.run(as_user(USER, *probe), capture_output=True, text=True, check=False, cwd="/")
         except OSError:
             continue
         if done.stdout.split() == [str(n) for n in sys.version_info[:2]]:
             return candidate
     return None
-
-
-def as_user() -> dict[str, Any]:
-    if os.geteuid() != 0:
-        return {}
-    return {"user": USER, "group": USER, "extra_groups": [], "cwd": "/"}
 
 
 @pytest.mark.parametrize("tier", ["T1", "T2"])
@@ -109,12 +103,12 @@ def play(python: str, models: Path, tier: str) -> subprocess.CompletedProcess[st
     tried = {"programs": {name: stepping[name] for name in STEPPING}, "driver": test_stepping.DRIVER, "inputs": INPUTS}
     packages = Path(mujoco.__file__).parents[1]
     return subprocess.run(
-        [python, "-B", "-c", SCRIPT, str(models), tier],
+        as_user(USER, python, "-B", "-c", SCRIPT, str(models), tier),
         input=json.dumps([programs, {**tried, "ended": {}}]),
         capture_output=True,
         text=True,
         check=False,
         timeout=120,
         env={"PATH": "/usr/bin:/bin", "PYTHONPATH": f"{ROOT / 'src'}:{packages}"},
-        **as_user(),
+        cwd="/",
     )

@@ -1,13 +1,13 @@
 """Servers that a test starts for itself: PgBouncer, and PostgreSQL with a replica. Neither runs as root."""
 
 import os
+import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import psycopg
 import pytest
@@ -15,6 +15,7 @@ from sqlalchemy.engine import make_url
 
 from support.proxies import free_port, program, running
 from support.queue_kills import descendants, wait_for
+from support.users import NOBODY, as_user
 
 POOLER = """
 [databases]
@@ -28,17 +29,12 @@ pool_mode = {mode}
 """
 
 
-def ordinary() -> dict[str, Any]:
-    """Arguments of Popen that make a program of root run as nobody."""
-    return {"user": "nobody", "group": "nogroup", "extra_groups": []} if os.getuid() == 0 else {}
-
-
 @contextmanager
 def open_folder() -> Iterator[Path]:
     """A folder of the user who runs the servers; those of pytest are for root alone."""
     with TemporaryDirectory(prefix="grader-test-") as name:
-        if user := ordinary().get("user"):
-            subprocess.run(["chown", user, name], check=True)
+        if os.geteuid() == 0:
+            shutil.chown(name, NOBODY)
         yield Path(name)
 
 
@@ -52,7 +48,7 @@ def pgbouncer(url: str, mode: str) -> Iterator[str]:
         settings.write_text(
             POOLER.format(url=parsed, port=parsed.port or 5432, password=password, listen=listen, mode=mode)
         )
-        with running([program("pgbouncer"), "--quiet", str(settings)], listen, tls=False, **ordinary()):
+        with running(as_user(NOBODY, program("pgbouncer"), "--quiet", str(settings)), listen, tls=False):
             yield parsed.set(host="127.0.0.1", port=listen).render_as_string(hide_password=False)
 
 
@@ -97,13 +93,15 @@ class Pair:
 
     def _run(self, name: str, *arguments: str) -> None:
         subprocess.run(
-            [server_program(name), *arguments], cwd=self._folder, check=True, capture_output=True, **ordinary()
+            as_user(NOBODY, server_program(name), *arguments), cwd=self._folder, check=True, capture_output=True
         )
 
     def _start(self, name: str) -> "subprocess.Popen[bytes]":
-        command = [server_program("postgres"), "-D", name, "-p", str(self._ports[name]), "-k", str(self._folder)]
+        arguments = ("-D", name, "-p", str(self._ports[name]), "-k", str(self._folder), "-c", "fsync=off")
         process: subprocess.Popen[bytes] = self._servers.enter_context(
-            subprocess.Popen([*command, "-c", "fsync=off"], cwd=self._folder, stderr=subprocess.DEVNULL, **ordinary())
+            subprocess.Popen(
+                as_user(NOBODY, server_program("postgres"), *arguments), cwd=self._folder, stderr=subprocess.DEVNULL
+            )
         )
         self._servers.callback(process.send_signal, signal.SIGQUIT)
         wait_for(lambda: self._answers(name))

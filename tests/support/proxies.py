@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 START_S = 60.0
@@ -105,11 +104,11 @@ PROXIES = {"nginx": nginx, "caddy": caddy}
 
 @contextmanager
 def running(
-    command: list[str], port: int, environment: Mapping[str, str] = NONE, *, tls: bool = True, **more: Any
+    command: list[str], port: int, environment: Mapping[str, str] = NONE, *, tls: bool = True
 ) -> Iterator[None]:
-    """Runs a server until the end of the block; it must take connections at the port. `more` is for Popen."""
+    """Runs a server until the end of the block; it must take connections at the port."""
     env = {**os.environ, **environment}
-    with subprocess.Popen(command, env=env, stderr=subprocess.DEVNULL, **more) as process:
+    with subprocess.Popen(command, env=env, stderr=subprocess.DEVNULL) as process:
         try:
             deadline = time.monotonic() + START_S
             while not listens(port, tls=tls):

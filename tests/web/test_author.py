@@ -12,11 +12,13 @@ import pytest
 from fastapi.testclient import TestClient
 
 from grader.commands.grade import open_pipeline
+from grader.grading.report import Report
 from grader.library import PassedChecks
 from grader.library.conversion import write_converted
 from grader.library.question_text import find_id, find_question
 from grader.questions import installed_kinds, parse_question
 from grader.service.authoring import make_app
+from grader.web.author.desk import AuthorDesk, Check
 from grader.web.author.preview import list_samples
 
 ROOT = Path(__file__).parents[2]
@@ -48,10 +50,14 @@ def wait_for(browser: TestClient, path: str, words: str) -> str:
         text = browser.get(path).text
         if words in text:
             return text
-        seen = re.search(r'data-seen="([^"]+)"', text)
-        assert seen
-        browser.get(path.replace("/edit/", "/changes/"), params={"seen": seen[1]})
+        browser.get(path.replace("/edit/", "/changes/"), params={"seen": read_seen(text)})
     raise AssertionError(text)
+
+
+def read_seen(text: str) -> str:
+    found = re.search(r'data-seen="([^"]+)"', text)
+    assert found
+    return found[1]
 
 
 def tag_in(text: str) -> str:
@@ -141,6 +147,24 @@ def test_a_change_of_the_file_is_told_with_its_faults(browser: TestClient, folde
     assert "q2.tolerance" in text and "stands here once the faults" in text
     file.write_text("{")
     assert "broken JSON" in browser.get(NUMBER).text
+
+
+def test_a_change_while_a_page_is_made_is_not_taken_for_seen(
+    browser: TestClient, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wait = AuthorDesk.wait_for_report
+
+    def wait_and_change(desk: AuthorDesk, check: Check, seconds: float) -> Report | None:
+        report = wait(desk, check, seconds)
+        (folder / "quizzes/more.jsn").write_text("{}")
+        return report
+
+    monkeypatch.setattr(AuthorDesk, "wait_for_report", wait_and_change)
+    seen = read_seen(browser.get(NUMBER).text)
+    monkeypatch.undo()
+    changes = NUMBER.replace("/edit/", "/changes/")
+    assert browser.get(changes, params={"seen": seen}).json()["state"] != seen
+    wait_for(browser, NUMBER, "rename it")
 
 
 def test_saving_writes_the_question_alone_and_never_overwrites(browser: TestClient, folder: Path) -> None:

@@ -3,7 +3,7 @@
 import inspect
 from collections.abc import Callable
 from functools import wraps
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import mujoco
 
@@ -18,7 +18,7 @@ class Machine:
     or one call of a function; long texts and arrays cost more. `budget` holds the ticks used so far and the number at
     which the evaluation in progress fails."""
 
-    __slots__ = ("bound", "budget", "ctx", "data", "model", "vectors")
+    __slots__ = ("budget", "ctx", "data", "model", "vectors")
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self.model = model
@@ -26,7 +26,6 @@ class Machine:
         self.ctx: dict[str, Value] = {}
         self.budget = [0, TICKS_PER_EVALUATION]
         self.vectors: dict[str, Vector] = {}
-        self.bound: dict[object, Any] = {}
 
     def tick(self, count: int = 1) -> bool:
         """Use up part of the budget; always true. Raises RunError where none is left."""

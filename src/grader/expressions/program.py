@@ -50,13 +50,11 @@ class Program:
 
     def bind(self, machine: Machine) -> Run:
         """Returns the function `(value=undefined) -> value` that evaluates the program on this machine. A statement
-        gives undefined, or what it returns. The function raises LabError with line and column."""
-        found: Run | None = machine.bound.get(self)
-        if found is None:
-            values = [BINDERS[kind](machine, path) for kind, path in self.needs]
-            found = self.make(machine, machine.budget, machine.ctx, FAILURES, self._failed, *values)
-            machine.bound[self] = found
-        return found
+        gives undefined, or what it returns. The function raises LabError with line and column. The machine does not
+        keep it: it would be kept by its own functions, with megabytes of data, until Python looks for such circles."""
+        values = [BINDERS[kind](machine, path) for kind, path in self.needs]
+        run: Run = self.make(machine, machine.budget, machine.ctx, FAILURES, self._failed, *values)
+        return run
 
     def run(self, machine: Machine, value: Value = UNDEFINED) -> Value:
         """Evaluate the program once."""

@@ -4,7 +4,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from itertools import count
 from math import ceil, isfinite
 
@@ -87,6 +87,14 @@ class LabSimulation:
 
     def _bind_shown(self, machine: Machine) -> list[Run]:
         return [program.bind(machine) for program in self.programs.shown]
+
+    @cached_property
+    def _controller(self) -> Run | None:
+        return None if self.programs.controller is None else self.programs.controller.bind(self.machine)
+
+    @cached_property
+    def _stop(self) -> Run | None:
+        return None if self.programs.stop is None else self.programs.stop.bind(self.machine)
 
     def _shows_copy(self) -> bool:
         """Whether what is shown is a copy of the data: after RK4, which leaves derived quantities of its last stage,
@@ -179,8 +187,7 @@ class LabSimulation:
 
     def _go_each_step(self, duration: float, last: float) -> None:
         """Do what `go` does where steps stand alone, in a quarter of the time: certificates run this most."""
-        controller = None if self.programs.controller is None else self.programs.controller.bind(self.machine)
-        model, data, warned = self.model, self.data, self.warned
+        controller, model, data, warned = self._controller, self.model, self.data, self.warned
         option, times, rows, step = model.opt, self.record.times, self.record.rows, mujoco.mj_step
         end, elapsed, steps = duration * (1 - 1e-9), self.elapsed, self.record.steps
         shows_copy = self._shows_copy()
@@ -235,10 +242,7 @@ class LabSimulation:
 
     def _step_singly(self, count: int) -> bool:
         """Controller, step, stop condition; whether the condition ended the run."""
-        p = self.programs
-        controller = None if p.controller is None else p.controller.bind(self.machine)
-        stop = None if p.stop is None else p.stop.bind(self.machine)
-        pulling = self._list_pulling()
+        controller, stop, pulling = self._controller, self._stop, self._list_pulling()
         for _ in range(count):
             if controller is not None:
                 controller()

@@ -107,10 +107,14 @@ def wait_for_change(quiz: str, question: str, request: Request, seen: str = "") 
 
 
 def read_state(desk: AuthorDesk, quiz: str, question: str) -> str:
-    """Returns what the page shows, as one text: the revision of the folder, and whether its check is done."""
-    check = desk.checks.get((quiz, question))
-    done = check is not None and check.revision == desk.read_revision() and check.report is not None
-    return f"{desk.read_revision()}-{'done' if done else 'runs'}"
+    """Returns what a page would show now, as one text: the revision of the folder, and whether its check is done."""
+    check, revision = desk.checks.get((quiz, question)), desk.read_revision()
+    return write_state(revision, check is not None and check.revision == revision and check.report is not None)
+
+
+def write_state(revision: str, is_done: bool) -> str:
+    """Returns a state as one text."""
+    return f"{revision}-{'done' if is_done else 'runs'}"
 
 
 def render(
@@ -128,8 +132,10 @@ def render(
     return page(
         request, "author.html", quizzes=desk.list_questions(), quiz={"id": quiz}, question=question, file=file,
         source=source if typed is None else typed, tag=tag, is_whole=is_whole, trouble=trouble,
-        is_writable=desk.is_writable, state=state, states=STATES, seen=read_state(desk, quiz, question),
-        seen_as=state == "due", learner="", exercises=list_exercise_kinds(),
+        is_writable=desk.is_writable, state=state, states=STATES,
+        # Of the check, not of the folder: what has changed since then is not on this page.
+        seen=write_state(check.revision, report is not None), seen_as=state == "due", learner="",
+        exercises=list_exercise_kinds(),
         kinds=[name for name, kind in installed_kinds().items() if not kind.is_script],
         **describe_report(report, check, loaded, file, question), **shown,
     )  # fmt: skip
