@@ -28,7 +28,7 @@ RUNS = "=+-@\t\r"
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=8)
 texts |= st.tuples(st.text("'", max_size=2), st.sampled_from(RUNS), texts).map("".join)
 points = st.dictionaries(st.sampled_from(IDS), st.floats(0, 1000).map(lambda value: round(value, 9)))
-learners = st.builds(Row, texts, texts, texts, texts, texts, texts, texts, points)
+learners = st.builds(Row, texts, texts, texts, texts, texts, texts, texts, points, st.sampled_from(["", "…7f3a"]))
 
 
 def lines(rows: Sequence[Row], form: Form = Form.GENERIC) -> list[list[str]]:

@@ -32,6 +32,7 @@ LISTS = (
     "/submissions?quiz=large&question=none",
     "/submissions?user=nobody&quiz=large",
     "/submissions?learner=nobody",
+    f"/submissions?learner={Course().learner(7)}",
     "/reviews",
     "/reviews?user=nobody",
     "/members",

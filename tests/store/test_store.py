@@ -17,12 +17,13 @@ from sqlalchemy.exc import IntegrityError
 from grader.domain.policy import Progress
 from grader.domain.verdict import Status, Verdict
 from grader.queue.jobs import QueueBase
-from grader.store import contents, courses, line_items, outbox, regrades, submissions
+from grader.store import contents, courses, line_items, outbox, platforms, policies, regrades, submissions, tickets
 from grader.store.engine import database as store_database
 from grader.store.engine.database import Database
 from grader.store.engine.ids import new_id
+from grader.store.reviewing import line_comments
 from grader.store.submissions import SubmissionFilter
-from grader.store.tables import Base, Submission, VerdictRow
+from grader.store.tables import Base, Member, Submission, VerdictRow
 from grader.store.upkeep.installation import hidden_case_secret
 from support.databases import BACKENDS, database_url, open_database
 
@@ -63,8 +64,9 @@ def test_migrations_make_the_tables_that_the_code_describes(database: Database) 
         context = MigrationContext.configure(connection, opts={"compare_type": True, "compare_server_default": True})
         described = MetaData()
         kept = {contents.ContentFile, contents.ContentManifest, contents.ContentInUse, regrades.RegradeItem}
-        new = {outbox.Delivery, outbox.Destination, line_items.LineItem}
-        assert {courses.CourseLink, courses.AuditEntry, regrades.Regrade, *kept, *new} <= {
+        new = {outbox.Delivery, outbox.Destination, line_items.LineItem, policies.PolicyChange, tickets.Ticket,
+               line_comments.LineComment}  # fmt: skip
+        assert {courses.CourseLink, courses.AuditEntry, regrades.Regrade, platforms.PlatformRow, *kept, *new} <= {
             mapper.class_ for mapper in Base.registry.mappers
         }
         for table in (*Base.metadata.sorted_tables, *QueueBase.metadata.sorted_tables):
@@ -188,16 +190,28 @@ def test_attempts_count_what_is_queued_but_not_what_could_not_be_read_or_graded(
         expected = {("quiz", "q1"): Progress(2, 1, solved=False), ("quiz", "q2"): Progress(1, 0, solved=True)}
         assert submissions.progress(session, "c", "ann") == expected
         assert submissions.progress_at(session, "c", "ann", "quiz", "q1") == expected["quiz", "q1"]
-        assert submissions.pending(session, SubmissionFilter("c", "ann")) == 1
+        assert submissions.pending(session, SubmissionFilter("c", learner="ann")) == 1
 
 
 def test_pages_go_back_in_time_without_gaps(database: Database) -> None:
     kept = sorted((keep(database, None).id for _ in range(7)), reverse=True)
     seen: list[str] = []
     with database.read() as session:
-        while rows := submissions.page(session, SubmissionFilter("c", "ann"), seen[-1] if seen else None, 3):
+        while rows := submissions.page(session, SubmissionFilter("c", learner="ann"), seen[-1] if seen else None, 3):
             seen.extend(row.id for row in rows)
     assert seen == kept
+
+
+def test_answers_are_found_by_the_name_that_their_member_has_now(database: Database) -> None:
+    kept = keep(database, None)
+    with database.write() as session:
+        session.add(Member(id="ann", course="c", name="bea", role="student"))
+        session.add(Member(id="other", course="other", name="bea", role="student"))
+    with database.read() as session:
+        for name, found in (("bea", [kept.id]), ("ann", []), ("none", [])):
+            wanted = SubmissionFilter("c", name)
+            assert [row.id for row in submissions.page(session, wanted, None, 3)] == found
+            assert submissions.pending(session, wanted) == len(found)
 
 
 def test_named_locks_make_writers_wait_for_each_other(database: Database) -> None:

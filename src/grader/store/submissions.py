@@ -9,7 +9,18 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from prometheus_client import Counter
-from sqlalchemy import ColumnElement, SQLColumnExpression, String, bindparam, case, func, insert, select, tuple_
+from sqlalchemy import (
+    ColumnElement,
+    SQLColumnExpression,
+    String,
+    bindparam,
+    case,
+    func,
+    insert,
+    literal_column,
+    select,
+    tuple_,
+)
 from sqlalchemy.orm import Session
 
 from grader.domain.policy import Progress
@@ -26,6 +37,9 @@ AT_REST = (GRADED, NEEDS_REVIEW)
 
 STOP = "stop"
 """The cause of the verdict on a script that its learner stopped. As a reviewer's, it stays when others are regraded."""
+
+UNSETTLED = Submission.status != literal_column("'graded'")
+"""The condition of the index of submissions that wait for a verdict or a person. Queries for these have it too."""
 
 NEW = {"status": QUEUED, "uses_attempt": True, "outcome": None, "revision": 0}
 """The state of a submission that waits for its first verdict."""
@@ -65,7 +79,8 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True)
 class SubmissionFilter:
-    """Selects submissions by course, name of the user, quiz, question and learner's id; None matches any."""
+    """Selects submissions by course, the name that their member has now, quiz, question and learner's id; None matches
+    any."""
 
     course: str
     user: str | None = None
@@ -75,7 +90,12 @@ class SubmissionFilter:
 
     def conditions(self) -> list[ColumnElement[bool]]:
         """The filter as SQL conditions."""
-        return [getattr(Submission, name) == value for name, value in vars(self).items() if value is not None]
+        columns = {name: value for name, value in vars(self).items() if value is not None and name != "user"}
+        found = [getattr(Submission, name) == value for name, value in columns.items()]
+        if self.user is not None:
+            named = select(Member.id).where(Member.course == self.course, Member.name == self.user)
+            found.append(Submission.learner.in_(named))
+        return found
 
 
 def make(**columns: Any) -> Submission:
@@ -178,9 +198,12 @@ def case_of(event: Event | None) -> CaseProgress | None:
 
 def page(session: Session, wanted: SubmissionFilter, before: str | None, limit: int) -> Sequence[Submission]:
     """At most `limit` submissions, newest first, that are older than `before`."""
-    newest_first = select(Submission).where(*wanted.conditions()).order_by(Submission.id.desc()).limit(limit)
+    # Those of one learner are few. In the order of the plain column SQLite would look for them in the whole course.
+    is_one = wanted.learner is not None or wanted.user is not None
+    order = Submission.id.concat("") if is_one else Submission.id
+    newest_first = select(Submission).where(*wanted.conditions()).order_by(order.desc()).limit(limit)
     if before is not None:
-        newest_first = newest_first.where(Submission.id < before)
+        newest_first = newest_first.where(order < before)
     return session.scalars(newest_first).all()
 
 
@@ -297,7 +320,7 @@ def graded_at(
 def pending(session: Session, wanted: SubmissionFilter) -> int:
     """The number of submissions without a verdict."""
     waiting = select(func.count()).select_from(Submission).where(*wanted.conditions())
-    return session.scalar(waiting.where(Submission.status.in_((QUEUED, RUNNING)))) or 0
+    return session.scalar(waiting.where(UNSETTLED, Submission.status.in_((QUEUED, RUNNING)))) or 0
 
 
 def verdicts(session: Session, submissions: Iterable[Submission]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from sqlalchemy import ColumnElement, Select, and_, func, or_, select
 from sqlalchemy.orm import Session, aliased
 
 from grader.domain.verdict import NO_COMMENT, REVIEW
-from grader.store.submissions import GRADED, NEEDS_REVIEW, NEWEST, SubmissionFilter
+from grader.store.submissions import GRADED, NEEDS_REVIEW, NEWEST, UNSETTLED, SubmissionFilter
 from grader.store.tables import Review, ReviewClaim, SavedComment, Submission, VerdictRow
 
 NONE, WAITING, AGREED, DIFFERS, DECIDED = "none", "waiting", "agreed", "differs", "decided"
@@ -43,7 +43,7 @@ class Queue:
         """The queue as SQL conditions on submissions."""
         found = self.wanted.conditions()
         if self.second_for is None:
-            found += [Submission.status == NEEDS_REVIEW, _counts(self.averaged)]
+            found += [UNSETTLED, Submission.status == NEEDS_REVIEW, _counts(self.averaged)]
         else:
             # The course stands here too, so that the index of reviews finds the few that wait.
             waiting = _first_marks(self.wanted.course, self.second_for)
@@ -115,7 +115,7 @@ def undecided(
 ) -> set[tuple[str, str]]:
     """The quizzes of some learners, as (quiz, learner), in which a decision of a person is still to come."""
     unsettled = select(Review.submission_id).where(Review.course == course, Review.second.in_((WAITING, DIFFERS)))
-    first = and_(Submission.status == NEEDS_REVIEW, _counts(averaged))
+    first = and_(UNSETTLED, Submission.status == NEEDS_REVIEW, _counts(averaged))
     theirs = (Submission.course == course, Submission.learner.in_(learners))
     rows = select(Submission.quiz, Submission.learner).where(*theirs, or_(first, Submission.id.in_(unsettled)))
     # Not `distinct`: SQLite would take the index that begins as these columns do, and walk the whole course.

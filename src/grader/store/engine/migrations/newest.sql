@@ -509,19 +509,15 @@ CREATE INDEX ix_reviews_second ON reviews (course, second, submission_id);
 
 CREATE INDEX ix_saved_comments_question ON saved_comments (course, quiz, question, id);
 
-CREATE INDEX ix_submissions_attempts ON submissions (course, learner, quiz, question, id, outcome) WHERE uses_attempt = 1;
+CREATE INDEX ix_submissions_attempts ON submissions (course, learner, quiz, question, id, outcome, uses_attempt);
 
 CREATE INDEX ix_submissions_course ON submissions (course, id);
-
-CREATE INDEX ix_submissions_learner ON submissions (course, learner, id);
 
 CREATE INDEX ix_submissions_question ON submissions (course, question, id);
 
 CREATE INDEX ix_submissions_quiz ON submissions (course, quiz, id, question);
 
-CREATE INDEX ix_submissions_status ON submissions (course, status, id);
-
-CREATE INDEX ix_submissions_user ON submissions (course, user, id);
+CREATE INDEX ix_submissions_unsettled ON submissions (course, status, id) WHERE status <> 'graded';
 
 CREATE INDEX ix_tickets_expires_at ON tickets (purpose, expires_at);
 
