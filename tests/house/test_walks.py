@@ -21,7 +21,7 @@ SOURCES = str(Path(grader.__file__).parent)
 SERVER = "/service/serving.py"
 """Stands where uvicorn stands: what it sends is no part of the walk."""
 
-LIMITS = {"choice": (20, 74), "number": (26, 94), "typed number": (28, 108), "script": (25, 86)}
+LIMITS = {"choice": (20, 74), "number": (26, 92), "typed number": (28, 102), "script": (25, 86)}
 """How many modules and moves an answer has at most: a choice that others have given, a right number, a wrong one that
 was typed with a unit, which is read and searched for slips, and a script until it is queued.
 """

@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.questions.kinds.number.numbers import format_number
-from grader.questions.kinds.number.quantities import read_quantity
+from grader.questions.kinds.number.quantities import format_number, read_quantity
 
 UNITS = [("deg/s", "rad/s"), ("mm", "m"), ("ms", "s"), ("J", "J"), ("rpm", "rad/s")]
 

@@ -23,7 +23,7 @@ from grader.domain.verify import ByMeasurement, ByThreshold
 from grader.experiments.quantities import Floats, measure
 from grader.experiments.runs import VerifyError
 from grader.questions import ModelXml, NumberKey
-from grader.questions.kinds.number.numbers import format_number
+from grader.questions.kinds.number.quantities import format_number
 from grader.questions.kinds.number.units import known_unit
 
 Measured = Literal["end", Summary]

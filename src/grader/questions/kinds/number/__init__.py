@@ -8,12 +8,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from grader.domain.lab import LabConfig
 from grader.domain.numbers import NotNegative, Real
 from grader.domain.plugins import Remark
-from grader.domain.verdict import Finding, Status, Verdict, verdict_of
+from grader.domain.verdict import Status, Verdict, verdict_of
 from grader.questions.answer_keys import NumberKey
 from grader.questions.drawing import Drawable
 from grader.questions.kind import CountedNumber, Example, QuestionKind
 from grader.questions.kinds.number.quantities import Quantity, read_quantity
-from grader.questions.kinds.number.slips import find_slip, is_right, size_of
+from grader.questions.kinds.number.slips import grade_number
 from grader.questions.kinds.number.units import known_unit, suggest_unit
 from grader.questions.question import Question, Reveal
 
@@ -112,9 +112,7 @@ class Number(QuestionKind[NumberQuestion, Quantity]):
 
     def grade(self, question: NumberQuestion, answer: Quantity) -> Verdict:
         """Gives all points for a number within the tolerance; names the slip behind a wrong one."""
-        key = question.key
-        finding = grade_number(key, answer, question.points)
-        slip = None if finding.passed else find_slip(answer, key)
+        finding, slip = grade_number(question.key, answer, question.points)
         return verdict_of((finding,), diagnosis=slip, evidence={"value": answer.value, "unit": question.unit})
 
     def numbers(self, question: NumberQuestion) -> Sequence[CountedNumber]:
@@ -136,18 +134,3 @@ class Number(QuestionKind[NumberQuestion, Quantity]):
             [(2.23, Status.CORRECT), ("2230 ms", Status.CORRECT), ("1.1", Status.INCORRECT),
              ("3 kg", Status.INVALID_ANSWER), (None, Status.INVALID_ANSWER)],
         )  # fmt: skip
-
-
-def grade_number(
-    key: NumberKey, given: Quantity, points: float, name: str = "number", title: str = "Your number"
-) -> Finding:
-    """Compares a number with its key; `direction` says whether it is too high, the message also about how far."""
-    passed = is_right(given.value, key)
-    message = direction = f"{given.text} is right."
-    if not passed:
-        side, size = f"{given.text} is too {'high' if given.value > key.answer else 'low'}", size_of(given, key)
-        message, direction = f"{side}{', ' if size else ''}{size}.", f"{side}."
-    return Finding(
-        id=name, title=title, passed=passed, points=points if passed else 0.0, max_points=points, message=message,
-        direction=direction, measured=given.value, expected=key.answer
-    )  # fmt: skip

@@ -198,17 +198,3 @@ def finite(value: float, text: str) -> float:
     if math.isinf(value):
         raise InvalidAnswer(f"{quoted(text)} is too large: type a finite number.")
     return value
-
-
-DIGITS, DIGITS_MAX = 6, 12
-"""Significant digits of a number that is told: 12 still hide the rounding of a conversion between units."""
-
-
-def format_number(value: float, *others: float, digits: int = DIGITS) -> str:
-    """Write a number with so many digits, 6 at least and 12 at most; with more where `others` that differ would look
-    alike."""
-    for count in range(min(max(digits, DIGITS), DIGITS_MAX), DIGITS_MAX):
-        text = f"{value:.{count}g}"
-        if all(other == value or f"{other:.{count}g}" != text for other in others):
-            return text
-    return f"{value:.{DIGITS_MAX}g}"

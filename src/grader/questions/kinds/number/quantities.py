@@ -12,7 +12,6 @@ from grader.questions.kinds.number.numbers import (
     CALCULATION,
     RANGE,
     finite,
-    format_number,
     not_one_number,
     read_number,
     unreadable,
@@ -88,6 +87,20 @@ SET_OFF = re.compile(r"\[([^][]+)\]|-([A-Za-zμ].*)")
 
 AGREEMENT = 1e-3
 """Relative difference up to which both sides of `1/3 = 0.3333` are the same answer."""
+
+
+DIGITS, DIGITS_MAX = 6, 12
+"""Significant digits of a number that is told: 12 still hide the rounding of a conversion between units."""
+
+
+def format_number(value: float, *others: float, digits: int = DIGITS) -> str:
+    """Write a number with so many digits, 6 at least and 12 at most; with more where `others` that differ would look
+    alike."""
+    for count in range(min(max(digits, DIGITS), DIGITS_MAX), DIGITS_MAX):
+        text = f"{value:.{count}g}"
+        if all(other == value or f"{other:.{count}g}" != text for other in others):
+            return text
+    return f"{value:.{DIGITS_MAX}g}"
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,15 @@
-"""Find known slips: changes that turn a wrong number into the right one. Sentences do not reveal it."""
+"""Compare a number with its key, and find known slips: changes that turn a wrong number into the right one. Sentences
+do not reveal it."""
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
+from grader.domain.verdict import Finding
 from grader.errors import InvalidAnswer
 from grader.questions.answer_keys import NumberKey
-from grader.questions.kinds.number.numbers import format_number
-from grader.questions.kinds.number.quantities import Quantity
+from grader.questions.kinds.number.quantities import Quantity, format_number
 from grader.questions.kinds.number.units import FAMILIES, Unit, convert, from_base_units, known_unit, symbols
 
 DECADES_MAX = 12
@@ -51,6 +52,23 @@ def size_of(given: Quantity, key: NumberKey) -> str:
     with_answer = sorted((abs(given.value), abs(key.answer)))
     ratio = with_answer[1] / with_answer[0]
     return next((words for most, words in SIZES if ratio < most), SIZES[-1][1])
+
+
+def grade_number(
+    key: NumberKey, given: Quantity, points: float, name: str = "number", title: str = "Your number"
+) -> tuple[Finding, str | None]:
+    """Compares a number with its key, and returns the known slip behind a wrong one, if any. `direction` of the finding
+    says whether it is too high, the message also about how far."""
+    passed = is_right(given.value, key)
+    message = direction = f"{given.text} is right."
+    if not passed:
+        side, size = f"{given.text} is too {'high' if given.value > key.answer else 'low'}", size_of(given, key)
+        message, direction = f"{side}{', ' if size else ''}{size}.", f"{side}."
+    finding = Finding(
+        id=name, title=title, passed=passed, points=points if passed else 0.0, max_points=points, message=message,
+        direction=direction, measured=given.value, expected=key.answer
+    )  # fmt: skip
+    return finding, None if passed else find_slip(given, key)
 
 
 SIGN = Slip("has the wrong sign", "check whether it can be negative at all, and which direction counts as positive")

@@ -16,9 +16,9 @@ from grader.errors import InvalidAnswer
 from grader.questions.answer_keys import NumberKey
 from grader.questions.drawing import Drawable
 from grader.questions.kind import NOTHING_TYPED, CountedNumber, Example, Fields, QuestionKind
-from grader.questions.kinds.number import Target, grade_number, list_typed_numbers, target_warnings
+from grader.questions.kinds.number import Target, list_typed_numbers, target_warnings
 from grader.questions.kinds.number.quantities import Quantity, read_quantity
-from grader.questions.kinds.number.slips import find_slip
+from grader.questions.kinds.number.slips import grade_number
 from grader.questions.parts import PARTS_MAX, field_of, json_or_text, typed_for
 from grader.questions.question import Question, Reveal
 
@@ -160,12 +160,9 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
 
     def grade(self, question: NumbersQuestion, answer: Mapping[str, Quantity]) -> Verdict:
         """Gives the points of each field for a number within its tolerance; names the slips behind wrong ones."""
-        pairs = list(zip(question.fields, self.answer_keys(question), strict=True))
-        findings = [grade_number(key, answer[field.id], field.points, field.id, field.name) for field, key in pairs]
-        slips = [
-            None if finding.passed else find_slip(answer[field.id], key)
-            for (field, key), finding in zip(pairs, findings, strict=True)
-        ]
+        pairs = zip(question.fields, self.answer_keys(question), strict=True)
+        graded = [grade_number(key, answer[field.id], field.points, field.id, field.name) for field, key in pairs]
+        findings, slips = [finding for finding, _ in graded], [slip for _, slip in graded]
         mistake = _mistake([(one.title, slip) for one, slip in zip(findings, slips, strict=True) if not one.passed])
         return verdict_of(
             tuple(findings if mistake else map(_with_slip, findings, slips)),
