@@ -4,9 +4,9 @@ import mujoco
 import pytest
 
 from grader.certify import certify_key
-from grader.certify.dimensions import explain_unit
 from grader.domain.verify import ByExpression, ByMeasurement
 from grader.questions import NumberKey
+from grader.questions.kinds.number.dimensions import explain_unit
 
 XML = """<mujoco><worldbody><body name="b"><joint name="s" type="slide"/><joint name="h" type="hinge"/>
 <geom size="1"/></body></worldbody><actuator><position joint="h" kp="5"/></actuator></mujoco>"""

@@ -9,7 +9,6 @@ from dataclasses import replace
 from mujoco import FatalError, MjModel
 
 from grader.certify.certificate import Certificate, refuse
-from grader.certify.dimensions import explain_unit
 from grader.certify.inference import infer_verify
 from grader.certify.measurement_keys import EMPTY, certify_expression, certify_measurement
 from grader.certify.predict_keys import certify_prediction
@@ -21,6 +20,7 @@ from grader.domain.verify import ByExpression, ByMeasurement, ByOptions, ByOutco
 from grader.errors import CallerError, LabRefused
 from grader.experiments.runs import VerifyError, read_xml
 from grader.questions import AnswerKey, ModelXml, NumberKey, OptionKey
+from grader.questions.kinds.number.dimensions import explain_unit
 
 __all__ = ["Certificate", "certify_key"]
 

@@ -6,9 +6,9 @@ from math import isclose, log10, pi
 
 import mujoco
 
-from grader.certify.dimensions import read_dimension, read_unit
 from grader.certify.proposals.scenes import Shown
 from grader.errors import InvalidAnswer
+from grader.questions.kinds.number.dimensions import read_dimension, read_unit
 from grader.questions.kinds.number.units import convert, known_unit
 
 

@@ -45,7 +45,13 @@ class Claims(Kind[ClaimsParameters, Problem, Outcome]):
         rehearse_claims(trial.problem)
 
     def certify(self, parameters: ClaimsParameters, trial: Trial[Problem]) -> None:
-        """Measures every claim at shorter timesteps too. Raises WrongParameter where one cannot be decided."""
+        """Measures every claim at shorter timesteps too. Raises WrongParameter where one cannot be decided, or is not
+        in its unit."""
+        from grader.exercises.kinds.claims.units import explain_unit_of_claim  # it parses; a verdict needs none of it
+
+        for index, claim in enumerate(trial.problem.claims):
+            if why := explain_unit_of_claim(claim, compile_text(trial.problem.xml)):
+                raise WrongParameter(f"claims.{index}.unit", why)
         for measured in measure_claims(trial.problem):
             if measured.trouble is not None:
                 raise WrongParameter(*measured.trouble)
