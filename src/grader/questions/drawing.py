@@ -59,7 +59,7 @@ class Drawable(BaseModel):
 
     @model_validator(mode="after")
     def _shows_every_number(self) -> Self:
-        shown = PLACEHOLDER.findall(str(json.loads(self.template).get("q"))) if self.template else []
+        shown = list_names(str(json.loads(self.template).get("q"))) if self.template else set()
         if self.template and (hidden := [name for name in self.draw if name not in shown]):
             why = {"name": f"{{{hidden[0]}}}"}
             raise PydanticCustomError("draw", "q never shows {name}: write it there, so that learners see it", why)
@@ -150,6 +150,11 @@ def fill_in(raw: Any, numbers: Numbers, key: str = "") -> Any:
     if whole and whole[1] in numbers:
         return numbers[whole[1]]
     return write(raw, numbers, "{}" if key == "xml" else "({})")
+
+
+def list_names(text: str) -> set[str]:
+    """Returns the names in braces."""
+    return set(PLACEHOLDER.findall(text))
 
 
 def write(text: str, numbers: Numbers, form: str) -> str:
