@@ -164,6 +164,22 @@ def test_a_select_that_says_nothing_about_stability_is_not_guessed_at() -> None:
     assert certify_question(predict(["gentle", "firm", "hard"], 0, PUSHED), model_xml) is None
 
 
+def test_settings_that_contradict_their_options_are_refused() -> None:
+    """Exchanged by mistake, they would certify the wrong option."""
+    for labels, is_told in ((("gentle", "firm"), False), (("firm", "gentle"), True)):
+        settings = [{SELECT_SPEED["label"]: label} for label in labels]
+        verify = {"by": "options", "settings": settings, "criterion": "data.qpos[0] > 0", "seconds": 0.1}
+        certificate = certify(predict(["gentle", "firm"], 0, PUSHED, verify))
+        assert ("is a setting itself" in certificate.why) is is_told
+
+
+def test_stages_that_contradict_the_words_of_their_options_are_refused() -> None:
+    raw = {"id": "s", "kind": "mcq", "q": "?", "options": ["Position stage", "Velocity stage"], "answer": 1}
+    verify = {"by": "stage", "fills": "xpos", "stages": ["mj_fwdVelocity", "mj_fwdPosition"]}
+    certificate = certify(QUESTION.validate_python({**raw, "verify": verify}))
+    assert (certificate.verdict, "exchanged" in certificate.why) == ("cannot tell", True)
+
+
 def test_a_key_that_hangs_on_round_off_is_refused() -> None:
     balanced = {"model": "pendulum", "controls": [SELECT_SPEED], "setup": "data.qpos[0] = Math.PI"}
     falls = {"by": "options", "criterion": "data.qpos[0] > Math.PI", "seconds": 8}
@@ -478,6 +494,35 @@ def test_a_count_that_hangs_on_the_timestep_is_refused() -> None:
 def test_a_claim_of_another_form_is_no_question(claim: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         history(claim, "true")
+
+
+def test_a_measurement_of_more_than_its_run_is_refused() -> None:
+    verify = {"by": "measurement", "xml": TUMBLES["xml"], "expr": "data.qvel[1]", "when": "max", "seconds": 0.1}
+    question = {"id": "q", "kind": "numeric", "q": "?", "answer": 1.0, "verify": {**verify, "until": 2}}
+    refused = certify(QUESTION.validate_python(question))
+    assert (refused.verdict, refused.key) == ("cannot tell", "verify.until")
+
+
+@pytest.mark.parametrize(
+    ("claim", "why"),
+    [
+        ("data.qvel[1]", "neither true nor false"),
+        ("data.qvel[1] > 100 ? 'fast' : 'slow'", "'slow', which is neither true nor false"),
+        ("data.qvel[1] = 3", "assigns: compare with =="),
+        ({"expr": "data.qvel[1]", "when": "times", "at_most": 9}, "neither true nor false"),
+        ({"expr": "data.qvel[1] > 100", "when": "ever", "since": 5}, "up to 5 s, and it lasts 0.1 s"),
+        ({"expr": "data.qvel[1] < 100", "when": "always", "until": 2}, "up to 2 s, and it lasts 0.1 s"),
+    ],
+)
+def test_a_claim_that_says_nothing_true_or_false_is_refused(claim: Any, why: str) -> None:
+    """A number that was to be compared counts as true, and what is never looked at as false."""
+    refused = history(claim, "data.qvel[1] > 100", seconds=0.1)
+    assert (refused.verdict, why in refused.why) == ("cannot tell", True), refused.why
+
+
+@pytest.mark.parametrize("claim", ["data.ncon + 1", {"expr": "data.qvel[1] < 100", "when": "always", "until": 0.1}])
+def test_a_count_is_true_where_it_is_not_0_and_a_window_may_end_with_the_run(claim: Any) -> None:
+    assert history(claim, "data.qvel[1] > 100", seconds=0.1).ok
 
 
 @pytest.mark.slow

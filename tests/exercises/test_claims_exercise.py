@@ -245,3 +245,10 @@ def test_a_claim_that_is_not_in_its_unit_is_a_fault(change: dict[str, Any], why:
     faults = certify_exercise(pose(claims=[claim]), lambda _: "", "q.json")
     assert [fault.key for fault in faults] == ([] if why is None else ["spring.check.claims.0.unit"])
     assert why is None or why in faults[0].why
+
+
+def test_a_claim_about_more_than_its_run_is_a_fault() -> None:
+    claim = {"name": "x", "quantity": "max", "expr": "data.qpos[0]", "unit": "m"}
+    assert certify_exercise(pose(claims=[{**claim, "until": 6}]), lambda _: "", "q.json") == []
+    (fault,) = certify_exercise(pose(claims=[{**claim, "until": 7}]), lambda _: "", "q.json")
+    assert (fault.key, "ends after 6 s" in fault.why) == ("spring.check.claims.0.until", True)
