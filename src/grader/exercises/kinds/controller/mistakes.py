@@ -40,6 +40,7 @@ WRITES = (
     "the controls that you return, or leave in data.ctrl, act."
 )
 NOTHING = "The controls never change: the function does not use what it observes."
+CONSTANT = "The controls do not change during an episode: they must follow what is observed as it changes."
 STALE = (
     "The controls follow what was observed one step before. Compute them from the observation of this call, and only "
     "then keep it for the next."
@@ -94,7 +95,14 @@ def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged])
     sentences = [sentence for one, record in records for sentence in find_sentences(parameters, one, record)]
     if is_tuned:  # only what is wrong whatever the case is
         return next((one for one in sentences if one.endswith(DEGREES_END)), TUNED)
-    return next(iter(sentences), None)
+    sentence = next(iter(sentences), None)
+    return CONSTANT if sentence == NOTHING and not is_always_the_same(judged) else sentence
+
+
+def is_always_the_same(judged: Sequence[Judged]) -> bool:
+    """Whether the controls are the same in every step of every episode."""
+    asked = [one.asked for each in judged for one in each.judgement.outcome.records if len(one.asked)]
+    return not asked or bool(np.ptp(np.vstack(asked), axis=0).max() == 0)
 
 
 def is_first_alone(one: Judged) -> bool:
@@ -121,7 +129,7 @@ def find_sentences(parameters: ControllerParameters, one: Judged, record: Record
             yield WIND_UP
     else:
         rough = fit_law(record, track=track, has_target=parameters.has_target, fits=ROUGH)
-        if rough is not None:
+        if rough is not None and not rough.differentiates:  # a gain on changes makes up for one on values
             wrong_signs = [SIGN.format(name=name) for name in parameters.law]
             yield from (said for said in find_wrong_gains(parameters, one.trial.problem, rough) if said in wrong_signs)
     if limited > SATURATED:
