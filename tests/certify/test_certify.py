@@ -214,6 +214,32 @@ def test_a_threshold_of_a_model_in_the_folder() -> None:
     assert "derived 20.1" in refused.why
 
 
+def test_a_limit_under_another_integrator_than_the_models_own_is_remarked_on() -> None:
+    spring = """<mujoco><option gravity="0 0 0" integrator="implicitfast"/><worldbody><body>
+    <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/><joint type="slide" stiffness="500" damping="2"/>
+    </body></worldbody></mujoco>"""
+    verify = {"by": "threshold", "xml": spring, "qpos": [0.3], "low": 0.01, "high": 0.3}
+    question = {"id": "q", "kind": "numeric", "q": "?", "answer": 130.0, "tol": 50, "unit": "ms"}
+    for more, remarks in ({}, 1), ({"integrator": "Euler"}, 0), ({"xml": spring.replace("implicitfast", "Euler")}, 0):
+        certificate = certify(QUESTION.validate_python({**question, "verify": {**verify, **more}}))
+        assert sum("own integrator is implicitfast" in one for one in certificate.remarks) == remarks
+
+
+def test_a_key_of_another_model_than_the_one_shown_is_remarked_on() -> None:
+    verify = {
+        "by": "measurement",
+        "model": "pendulum",
+        "setup": "data.qpos[0] = 1",
+        "seconds": 0.1,
+        "expr": "data.time",
+    }
+    question = {"id": "q", "kind": "numeric", "q": "?", "answer": 0.1, "unit": "s", "verify": verify}
+    for shown in ("pendulum", "double_pendulum"):
+        sim = {"model": shown, "readouts": [{"label": "t", "expr": "data.time"}]}
+        certificate = certify(QUESTION.validate_python({**question, "sim": sim}))
+        assert any("shows double_pendulum" in one for one in certificate.remarks) is (shown != "pendulum")
+
+
 @pytest.mark.parametrize("start", [{"qpos": [1.0]}, {"key": 0}, {"qvel": [1.0]}, {"qpos": [0.5], "qvel": [-1.0]}])
 @pytest.mark.parametrize(("integrator", "limit_ms"), [("Euler", 20.004), ("implicitfast", 25.004), ("RK4", 33.05)])
 def test_the_linear_stability_limit_does_not_depend_on_the_start(

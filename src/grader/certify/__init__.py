@@ -44,7 +44,7 @@ def certify_key(key: AnswerKey, model_xml: ModelXml) -> Certificate | None:
             certificate = _accept(certificate, verify.accept)
     if key.verify is None and _are_all_stable(certificate):
         return None
-    certificate = _compare_units(certificate, key, model_xml)
+    certificate = _remark_other_model(_compare_units(certificate, key, model_xml), key)
     at = certificate.key if key.verify is not None else "answer"
     at = f"{key.place}.{at}" if key.place else at
     return replace(certificate, cost_ms=1000 * (time.perf_counter() - began), key=at)
@@ -71,6 +71,17 @@ def _compare_units(certificate: Certificate, key: AnswerKey, model_xml: ModelXml
     model = MjModel.from_xml_string(read_xml(verify.model, verify.xml, model_xml) if named else EMPTY)
     why = explain_unit(verify.expr, model, key.unit) if key.unit else None
     return certificate if why is None else replace(certificate, verdict="cannot tell", why=why, key="unit")
+
+
+def _remark_other_model(certificate: Certificate, key: AnswerKey) -> Certificate:
+    """Remark where the simulation that learners see after their answer is of another model than the one measured."""
+    if not (isinstance(key, NumberKey) and isinstance(key.verify, ByMeasurement) and key.lab is not None):
+        return certificate
+    measured, shown = key.verify.model, key.lab.model
+    if measured is None or shown is None or measured == shown:
+        return certificate
+    remark = f"The key is measured of the model {measured}, and the simulation of the question shows {shown}."
+    return replace(certificate, remarks=(*certificate.remarks, remark))
 
 
 def _certify(key: AnswerKey, verify: Verify, model_xml: ModelXml) -> Certificate:
