@@ -78,3 +78,17 @@ def test_a_key_far_below_the_middle_is_derived_to_its_own_tolerance() -> None:
     raw = {"kind": "numeric", "q": "With {m} kg?", "draw": {"m": [0.02, 3.98]}, "answer": 126.5, "unit": "ms"}
     question = parse_question({"id": "q", **raw, "verify": verify})
     assert settle(question, {"m": 0.02}, lambda _: "").answer == pytest.approx(12.649, rel=0.002)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("draw", "tol", "is_told"), [([-1, 2], None, True), ([-1, 2], 0.1, False), ([1, 2], None, False)]
+)
+def test_a_key_of_either_sign_needs_a_tolerance(draw: list[float], tol: float | None, is_told: bool) -> None:
+    """2 % of 0.001 is next to nothing, and some learner would have that key."""
+    key = {"answer": 1, "tol": tol, "verify": {"by": "expression", "expr": "2 * {a}"}}
+    for question, at in (
+        ({"kind": "numeric", **key}, "tol"),
+        ({"kind": "numbers", "fields": [{"id": "x", "label": "x", **key}]}, "fields.0.tol"),
+    ):
+        told = explain({**question, "q": "{a}?", "draw": {"a": draw}})
+        assert [why.partition(":")[0] for why in told] == [at] * is_told

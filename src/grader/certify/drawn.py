@@ -57,6 +57,7 @@ def certify_corners(question: Question, model_xml: ModelXml) -> Iterator[tuple[A
             "write it into `verify`, even where it changes nothing"
         )
         yield keys[0], Certificate("cannot tell", why, "verify", None, keys[0].answer, key="draw")
+    signs: dict[str, set[bool]] = {key.place: set() for key in keys}
     for numbers in list_corners(cast(Drawable, question).draw):
         try:
             posed = settle(question, numbers, model_xml)
@@ -64,9 +65,28 @@ def certify_corners(question: Question, model_xml: ModelXml) -> Iterator[tuple[A
             yield keys[0], Certificate("cannot tell", str(error), "verify", None, keys[0].answer, key="draw")
             continue
         for key, own in zip(keys, kind_of(posed).answer_keys(posed), strict=True):
+            signs[key.place].add(own.answer > 0)
             certificate = certify_key(own, model_xml)
             if certificate is not None and not certificate.ok:
                 yield key, replace(certificate, why=f"with {describe(numbers)}: {certificate.why}", key="draw")
+    for key in keys:
+        if (
+            isinstance(key, NumberKey)
+            and len(signs[key.place]) > 1
+            and not has_tolerance(cast(Drawable, question), key)
+        ):
+            why = "the key has either sign, and without `tol` next to nothing is right where it is near 0: give tol"
+            at = f"{key.place}.tol" if key.place else "tol"
+            yield key, Certificate("cannot tell", why, "verify", None, key.answer, key=at)
+
+
+def has_tolerance(question: Drawable, key: AnswerKey) -> bool:
+    """Whether the author gives the tolerance of a number."""
+    raw = json.loads(question.template)
+    if key.place:
+        _, index = key.place.split(".")
+        raw = raw["fields"][int(index)]
+    return raw.get("tol") is not None
 
 
 def list_unused(question: Drawable) -> list[str]:
