@@ -34,6 +34,8 @@ NUMBERS = (
 NAME = r"[A-Za-z_][A-Za-z0-9_]*"
 PLACEHOLDER = re.compile(rf"\{{({NAME})\}}")
 
+CODE = re.compile(r"<(code|pre)\b.*?</\1>", re.DOTALL | re.IGNORECASE)
+
 Numbers = Mapping[str, float]
 
 
@@ -104,6 +106,19 @@ def fill_in_middle(raw: Any) -> Any:
     except (TypeError, ValueError, OverflowError):
         return raw
     return fill_in(raw, middle) | {"template": json.dumps(raw)} if middle else raw
+
+
+def list_unknown_names(question: BaseModel) -> Iterator[tuple[str, str]]:
+    """Yields key and name of what stands in braces in the texts of a drawn question, and is no number of it: learners
+    would read it as it stands. Formulas and code have braces of their own."""
+    if not isinstance(question, Drawable) or not question.draw:
+        return
+    raw = json.loads(question.template)
+    for key in ("q", "options", "whys", "explain"):
+        texts = raw.get(key) or ()
+        for text in (texts,) if isinstance(texts, str) else texts:
+            plain = CODE.sub("", " ".join(str(text).split("$")[::2]))
+            yield from ((key, name) for name in PLACEHOLDER.findall(plain) if name not in question.draw)
 
 
 def round_short(value: float) -> float:
