@@ -68,7 +68,15 @@ def test_a_refuted_number_is_told_its_slip(answer: float, unit: str, slip: str) 
 
 
 def predict(options: list[str], answer: int, sim: dict[str, Any], verify: dict[str, Any] | None = None) -> Question:
-    raw = {"id": "p", "kind": "predict", "q": "?", "options": options, "answer": answer, "sim": sim, "verify": verify}
+    raw = {
+        "id": "p",
+        "kind": "predict",
+        "q": "What is stable?",
+        "options": options,
+        "answer": answer,
+        "sim": sim,
+        "verify": verify,
+    }
     return QUESTION.validate_python(raw)
 
 
@@ -158,6 +166,23 @@ def test_an_expression_decides_between_the_settings_of_a_select() -> None:
     certificate = certify(predict(options, 2, PUSHED, over))
     assert certificate.ok
     assert not certify(predict(options, 1, PUSHED, over)).ok
+
+
+@pytest.mark.parametrize(
+    ("text", "is_told"),
+    [("Which is stable?", True), ("Stability: which?", True), ("Which is unstable?", False), ("Which is fast?", False),
+     ("Which is not stable?", False)],
+)  # fmt: skip
+def test_stability_that_was_inferred_refutes_no_question_about_something_else(text: str, is_told: bool) -> None:
+    raw = json.loads(lesson(3).model_dump_json()) | {"answer": 0, "q": text}
+    assert (certify_question(QUESTION.validate_python(raw), model_xml) is not None) is is_told
+
+
+def test_a_servo_under_another_integrator_is_not_inferred_to_be_explicit() -> None:
+    text = "A joint with inertia 0.25 kg m² has kp = 2000, kv = 5. What is the largest stable timestep"
+    for rest, is_told in (("under Euler?", True), ("under implicitfast, unlike Euler?", False)):
+        raw = {"id": "n", "kind": "numeric", "q": f"{text} {rest}", "answer": 25.0, "tol": 0.5, "unit": "ms"}
+        assert (certify_question(QUESTION.validate_python(raw), model_xml) is not None) is is_told
 
 
 def test_a_select_that_says_nothing_about_stability_is_not_guessed_at() -> None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from mujoco import FatalError, MjModel
 
 from grader.certify.certificate import Certificate, refuse
-from grader.certify.inference import infer_verify
+from grader.certify.inference import asks_for_stability, infer_verify
 from grader.certify.measurement_keys import EMPTY, certify_expression, certify_measurement
 from grader.certify.predict_keys import certify_prediction
 from grader.certify.stage_keys import certify_stage
@@ -42,7 +42,7 @@ def certify_key(key: AnswerKey, model_xml: ModelXml) -> Certificate | None:
     else:
         if verify.accept is not None:
             certificate = _accept(certificate, verify.accept)
-    if key.verify is None and _are_all_stable(certificate):
+    if key.verify is None and (_are_all_stable(certificate) or _is_about_something_else(certificate, key)):
         return None
     certificate = _remark_other_model(_compare_units(certificate, key, model_xml), key)
     at = certificate.key if key.verify is not None else "answer"
@@ -97,6 +97,12 @@ def _certify(key: AnswerKey, verify: Verify, model_xml: ModelXml) -> Certificate
         case OptionKey(lab=LabConfig() as lab), ByOptions() | ByOutcome():
             return certify_prediction(key, lab, verify, model_xml)
     return refuse(verify.by, key.answer, f"verify by {verify.by} does not fit a {key.kind} question")
+
+
+def _is_about_something_else(certificate: Certificate, key: AnswerKey) -> bool:
+    """Whether stability, which was inferred, refutes the key of a question that does not ask for it, as one that asks
+    which setting is unstable."""
+    return certificate.method == "options" and not certificate.ok and not asks_for_stability(key)
 
 
 def _are_all_stable(certificate: Certificate) -> bool:
