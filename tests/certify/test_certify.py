@@ -383,6 +383,8 @@ def test_a_verify_that_cannot_work_is_refused_and_says_where_and_why(key: str, v
         {"by": "expression"},
         {"by": "expression", "expr": "1", "extra": 1},
         {"by": "threshold", "servo": {"inertia": 1, "kv": 1}, "low": 0.1, "high": 0.05},
+        {"by": "threshold", "servo": {"inertia": 1, "kv": 1}, "model": "pendulum"},
+        {"by": "expression", "expr": "1", "model": "pendulum", "xml": "<mujoco/>"},
     ],
 )
 def test_a_verify_of_another_form_is_no_question(verify: dict[str, Any]) -> None:
