@@ -68,7 +68,15 @@ def test_a_refuted_number_is_told_its_slip(answer: float, unit: str, slip: str) 
 
 
 def predict(options: list[str], answer: int, sim: dict[str, Any], verify: dict[str, Any] | None = None) -> Question:
-    raw = {"id": "p", "kind": "predict", "q": "?", "options": options, "answer": answer, "sim": sim, "verify": verify}
+    raw = {
+        "id": "p",
+        "kind": "predict",
+        "q": "What is stable?",
+        "options": options,
+        "answer": answer,
+        "sim": sim,
+        "verify": verify,
+    }
     return QUESTION.validate_python(raw)
 
 
@@ -160,8 +168,41 @@ def test_an_expression_decides_between_the_settings_of_a_select() -> None:
     assert not certify(predict(options, 1, PUSHED, over)).ok
 
 
+@pytest.mark.parametrize(
+    ("text", "is_told"),
+    [("Which is stable?", True), ("Stability: which?", True), ("Which is unstable?", False), ("Which is fast?", False),
+     ("Which is not stable?", False)],
+)  # fmt: skip
+def test_stability_that_was_inferred_refutes_no_question_about_something_else(text: str, is_told: bool) -> None:
+    raw = json.loads(lesson(3).model_dump_json()) | {"answer": 0, "q": text}
+    assert (certify_question(QUESTION.validate_python(raw), model_xml) is not None) is is_told
+
+
+def test_a_servo_under_another_integrator_is_not_inferred_to_be_explicit() -> None:
+    text = "A joint with inertia 0.25 kg m² has kp = 2000, kv = 5. What is the largest stable timestep"
+    for rest, is_told in (("under Euler?", True), ("under implicitfast, unlike Euler?", False)):
+        raw = {"id": "n", "kind": "numeric", "q": f"{text} {rest}", "answer": 25.0, "tol": 0.5, "unit": "ms"}
+        assert (certify_question(QUESTION.validate_python(raw), model_xml) is not None) is is_told
+
+
 def test_a_select_that_says_nothing_about_stability_is_not_guessed_at() -> None:
     assert certify_question(predict(["gentle", "firm", "hard"], 0, PUSHED), model_xml) is None
+
+
+def test_settings_that_contradict_their_options_are_refused() -> None:
+    """Exchanged by mistake, they would certify the wrong option."""
+    for labels, is_told in ((("gentle", "firm"), False), (("firm", "gentle"), True)):
+        settings = [{SELECT_SPEED["label"]: label} for label in labels]
+        verify = {"by": "options", "settings": settings, "criterion": "data.qpos[0] > 0", "seconds": 0.1}
+        certificate = certify(predict(["gentle", "firm"], 0, PUSHED, verify))
+        assert ("is a setting itself" in certificate.why) is is_told
+
+
+def test_stages_that_contradict_the_words_of_their_options_are_refused() -> None:
+    raw = {"id": "s", "kind": "mcq", "q": "?", "options": ["Position stage", "Velocity stage"], "answer": 1}
+    verify = {"by": "stage", "fills": "xpos", "stages": ["mj_fwdVelocity", "mj_fwdPosition"]}
+    certificate = certify(QUESTION.validate_python({**raw, "verify": verify}))
+    assert (certificate.verdict, "exchanged" in certificate.why) == ("cannot tell", True)
 
 
 def test_a_key_that_hangs_on_round_off_is_refused() -> None:
@@ -196,6 +237,32 @@ def test_a_threshold_of_a_model_in_the_folder() -> None:
     refused = certify(numeric(22.365, 0.5, "ms", **verify))
     assert not refused.ok
     assert "derived 20.1" in refused.why
+
+
+def test_a_limit_under_another_integrator_than_the_models_own_is_remarked_on() -> None:
+    spring = """<mujoco><option gravity="0 0 0" integrator="implicitfast"/><worldbody><body>
+    <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/><joint type="slide" stiffness="500" damping="2"/>
+    </body></worldbody></mujoco>"""
+    verify = {"by": "threshold", "xml": spring, "qpos": [0.3], "low": 0.01, "high": 0.3}
+    question = {"id": "q", "kind": "numeric", "q": "?", "answer": 130.0, "tol": 50, "unit": "ms"}
+    for more, remarks in ({}, 1), ({"integrator": "Euler"}, 0), ({"xml": spring.replace("implicitfast", "Euler")}, 0):
+        certificate = certify(QUESTION.validate_python({**question, "verify": {**verify, **more}}))
+        assert sum("own integrator is implicitfast" in one for one in certificate.remarks) == remarks
+
+
+def test_a_key_of_another_model_than_the_one_shown_is_remarked_on() -> None:
+    verify = {
+        "by": "measurement",
+        "model": "pendulum",
+        "setup": "data.qpos[0] = 1",
+        "seconds": 0.1,
+        "expr": "data.time",
+    }
+    question = {"id": "q", "kind": "numeric", "q": "?", "answer": 0.1, "unit": "s", "verify": verify}
+    for shown in ("pendulum", "double_pendulum"):
+        sim = {"model": shown, "readouts": [{"label": "t", "expr": "data.time"}]}
+        certificate = certify(QUESTION.validate_python({**question, "sim": sim}))
+        assert any("shows double_pendulum" in one for one in certificate.remarks) is (shown != "pendulum")
 
 
 @pytest.mark.parametrize("start", [{"qpos": [1.0]}, {"key": 0}, {"qvel": [1.0]}, {"qpos": [0.5], "qvel": [-1.0]}])
@@ -316,6 +383,8 @@ def test_a_verify_that_cannot_work_is_refused_and_says_where_and_why(key: str, v
         {"by": "expression"},
         {"by": "expression", "expr": "1", "extra": 1},
         {"by": "threshold", "servo": {"inertia": 1, "kv": 1}, "low": 0.1, "high": 0.05},
+        {"by": "threshold", "servo": {"inertia": 1, "kv": 1}, "model": "pendulum"},
+        {"by": "expression", "expr": "1", "model": "pendulum", "xml": "<mujoco/>"},
     ],
 )
 def test_a_verify_of_another_form_is_no_question(verify: dict[str, Any]) -> None:
@@ -478,6 +547,35 @@ def test_a_count_that_hangs_on_the_timestep_is_refused() -> None:
 def test_a_claim_of_another_form_is_no_question(claim: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         history(claim, "true")
+
+
+def test_a_measurement_of_more_than_its_run_is_refused() -> None:
+    verify = {"by": "measurement", "xml": TUMBLES["xml"], "expr": "data.qvel[1]", "when": "max", "seconds": 0.1}
+    question = {"id": "q", "kind": "numeric", "q": "?", "answer": 1.0, "verify": {**verify, "until": 2}}
+    refused = certify(QUESTION.validate_python(question))
+    assert (refused.verdict, refused.key) == ("cannot tell", "verify.until")
+
+
+@pytest.mark.parametrize(
+    ("claim", "why"),
+    [
+        ("data.qvel[1]", "neither true nor false"),
+        ("data.qvel[1] > 100 ? 'fast' : 'slow'", "'slow', which is neither true nor false"),
+        ("data.qvel[1] = 3", "assigns: compare with =="),
+        ({"expr": "data.qvel[1]", "when": "times", "at_most": 9}, "neither true nor false"),
+        ({"expr": "data.qvel[1] > 100", "when": "ever", "since": 5}, "up to 5 s, and it lasts 0.1 s"),
+        ({"expr": "data.qvel[1] < 100", "when": "always", "until": 2}, "up to 2 s, and it lasts 0.1 s"),
+    ],
+)
+def test_a_claim_that_says_nothing_true_or_false_is_refused(claim: Any, why: str) -> None:
+    """A number that was to be compared counts as true, and what is never looked at as false."""
+    refused = history(claim, "data.qvel[1] > 100", seconds=0.1)
+    assert (refused.verdict, why in refused.why) == ("cannot tell", True), refused.why
+
+
+@pytest.mark.parametrize("claim", ["data.ncon + 1", {"expr": "data.qvel[1] < 100", "when": "always", "until": 0.1}])
+def test_a_count_is_true_where_it_is_not_0_and_a_window_may_end_with_the_run(claim: Any) -> None:
+    assert history(claim, "data.qvel[1] > 100", seconds=0.1).ok
 
 
 @pytest.mark.slow

@@ -4,9 +4,9 @@ import mujoco
 import pytest
 
 from grader.certify import certify_key
-from grader.certify.dimensions import explain_unit
 from grader.domain.verify import ByExpression, ByMeasurement
 from grader.questions import NumberKey
+from grader.questions.kinds.number.dimensions import explain_unit
 
 XML = """<mujoco><worldbody><body name="b"><joint name="s" type="slide"/><joint name="h" type="hinge"/>
 <geom size="1"/></body></worldbody><actuator><position joint="h" kp="5"/></actuator></mujoco>"""
@@ -30,6 +30,9 @@ def model() -> mujoco.MjModel:
         ("lib.bodyPos('b')[2]", "deg"),
         ("Math.sqrt(model.actuator_gainprm[0] / model.body_inertia[3])", "m"),
         ("lib.qpos('h')", "m"),
+        ("Math.sqrt(model.jnt_stiffness[0] / model.body_mass[1])", "Hz"),
+        ("data.qvel[1]", "Hz"),
+        ("Math.abs(data.qvel[1])", "rpm"),
     ],
 )
 def test_another_unit_is_told(model: mujoco.MjModel, text: str, unit: str) -> None:
@@ -46,6 +49,10 @@ def test_another_unit_is_told(model: mujoco.MjModel, text: str, unit: str) -> No
         ("model.body_mass[1] * 9.81", "N"),
         ("2 * Math.PI * Math.sqrt(1 / 9.81)", "s"),
         ("Math.sqrt(model.jnt_stiffness[0] / model.body_mass[1]) / (2 * Math.PI)", "Hz"),
+        ("Math.sqrt(model.jnt_stiffness[0] / model.body_mass[1])", "1/s"),
+        ("1 / data.time", "Hz"),
+        ("data.qvel[1] * 60 / (2 * Math.PI)", "rpm"),
+        ("data.ncon", "Hz"),
         ("0.5 * model.body_mass[1] * data.qvel[0] ** 2", "J"),
         ("data.ctrl[0]", "N m"),
         ("data.qpos[0]", "K"),

@@ -273,6 +273,22 @@ def test_options_say_how_something_changes(question: str, options: tuple[str, ..
     assert read_ways(question, options) == ways
 
 
+@pytest.mark.parametrize(("unit", "rate"), [("Hz", 3 / (2 * math.pi)), ("rpm", 90 / math.pi), ("rad/s", 3)])
+def test_a_rate_in_radians_is_converted_where_turns_are_counted(unit: str, rate: float) -> None:
+    wheel = "<mujoco><worldbody><body><joint axis='1 0 0'/><geom size='.1'/></body></worldbody></mujoco>"
+    sim: dict[str, Any] = {"xml": wheel, "setup": "data.qvel[0] = 3", "seconds": 1}
+    sim["readouts"] = [{"label": "rate", "expr": "data.qvel[0]"}]
+    for answer, holds in ((rate, True), (3 if unit != "rad/s" else 4, False)):
+        raw = {"id": "n", "kind": "numeric", "q": "How fast at the end?", "answer": answer, "unit": unit, "sim": sim}
+        question = QUESTION.validate_python(raw)
+        (key,) = kind_of(question).answer_keys(question)
+        proposal = propose_verify(
+            key, [LabScene(LabConfig.model_validate(sim), wheel, is_own=True)], lambda _: "", question.q
+        )
+        assert proposal is not None
+        assert proposal.holds is holds
+
+
 def test_factors_are_written_so_that_the_unit_can_be_read() -> None:
     assert multiply("data.qpos[0]", 1000) == "1000 * data.qpos[0]"
     assert multiply("data.qpos[0]", 0.001) == "data.qpos[0] / 1000"

@@ -218,3 +218,37 @@ def test_a_claim_that_depends_on_the_timestep_is_refused_unless_the_author_says_
     for timestep in ("any", "given"):
         question = pose({"xml": stiff}, claims=[{**claim, "timestep": timestep}], seconds=12)
         assert certify_exercise(question, lambda _: "", "q.json") == []
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"quantity": "period", "unit": "ms"}, "give `scale` 1000"),
+        ({"quantity": "period", "unit": "ms", "scale": 1000}, None),
+        ({"quantity": "period", "unit": "s"}, None),
+        ({"quantity": "period", "unit": "m"}, "m measures something else"),
+        ({"quantity": "frequency", "unit": "rad/s"}, "give `scale` 6.28318531"),
+        ({"quantity": "frequency", "unit": "Hz"}, None),
+        ({"quantity": "decay_rate", "unit": "1/s"}, None),
+        ({"quantity": "max", "unit": "mm"}, "in m, and the unit is mm"),
+        ({"quantity": "max", "unit": "mm", "scale": 1000}, None),
+        ({"quantity": "max", "unit": "m"}, None),
+        ({"quantity": "max", "unit": "N", "scale": 1000}, "which the unit N does not measure"),
+        ({"quantity": "max", "unit": ""}, None),
+        ({"quantity": "max", "unit": "N", "expr": "50 * data.qpos[0]"}, None),
+        ({"quantity": "crossings", "unit": ""}, None),
+    ],
+)
+def test_a_claim_that_is_not_in_its_unit_is_a_fault(change: dict[str, Any], why: str | None) -> None:
+    """A learner who gives the period in ms, as the unit says, would be judged by seconds."""
+    claim = {"name": "x", "expr": "data.qpos[0]", "rtol": 0.02, **change}
+    faults = certify_exercise(pose(claims=[claim]), lambda _: "", "q.json")
+    assert [fault.key for fault in faults] == ([] if why is None else ["spring.check.claims.0.unit"])
+    assert why is None or why in faults[0].why
+
+
+def test_a_claim_about_more_than_its_run_is_a_fault() -> None:
+    claim = {"name": "x", "quantity": "max", "expr": "data.qpos[0]", "unit": "m"}
+    assert certify_exercise(pose(claims=[{**claim, "until": 6}]), lambda _: "", "q.json") == []
+    (fault,) = certify_exercise(pose(claims=[{**claim, "until": 7}]), lambda _: "", "q.json")
+    assert (fault.key, "ends after 6 s" in fault.why) == ("spring.check.claims.0.until", True)

@@ -1,6 +1,7 @@
 """The pipeline: reading, seeds, retries; a fault of ours never costs the learner an attempt."""
 
 import hashlib
+import json
 import threading
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from grader.errors import JailFault, NotFound, TooLarge, Unprocessable
 from grader.exercises import Plan, prepare_exercise
 from grader.grading import pipeline
 from grader.grading.pipeline import COMMAND_RETRIES, Pipeline, Retries, compute_digest, compute_seed, to_canonical_json
-from grader.library import Library
+from grader.library import Library, load
 from grader.numerics import scene
 from grader.numerics.version import INSTALLED
 from grader.questions import Question, grade_answer
@@ -43,6 +44,22 @@ class BrokenJail:
         return RunReport(
             RunStatus.CRASHED, "ZeroDivisionError: division by zero, in line 1 of your script", stdout="hello\n"
         )
+
+
+def test_a_key_that_cannot_be_derived_for_a_learner_is_a_grader_fault(tmp_path: Path) -> None:
+    """From the top of a circle, rounding decides to which side a pendulum falls."""
+    xml = """<mujoco><worldbody><body><inertial pos="0 0 -0.5" mass="1" diaginertia="1e-4 1e-4 1e-4"/>
+    <joint axis="0 1 0"/></body></worldbody></mujoco>"""
+    verify = {"by": "measurement", "xml": xml, "setup": "data.qpos[0] = {a} > 1.1 && {a} < 3.9 ? Math.PI : 0",
+              "expr": "Math.sin(data.qpos[0])", "seconds": 6}  # fmt: skip
+    question = {"id": "q", "kind": "numeric", "q": "{a}", "draw": {"a": [1, 4]}, "answer": 0, "tol": 0.01}
+    (tmp_path / "quizzes").mkdir()
+    quiz = {"id": "a", "title": "A", "questions": [{**question, "verify": verify}]}
+    (tmp_path / "quizzes" / "a.json").write_text(json.dumps(quiz))
+    pipeline = Pipeline(load(tmp_path))
+    for answer in (0, "no number"):
+        verdict = pipeline.grade("a", "q", answer, seed=1)
+        assert verdict.status is Status.GRADER_FAULT
 
 
 def test_a_jail_that_stays_broken_is_a_grader_fault(library: Library) -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from grader.questions import parse_question
-from grader.questions.drawing import Drawable, draw_numbers, find_middle, list_corners
+from grader.questions.drawing import Drawable, draw_numbers, find_middle, list_corners, list_unknown_names
 
 RAW: dict[str, Any] = {
     "id": "rest", "kind": "numeric", "answer": 2.0, "unit": "rad", "draw": {"kp": [500, 3000], "lean": [-2, -1]},
@@ -70,3 +70,13 @@ def test_corners_are_all_low_all_high_and_each_alone() -> None:
 def test_a_draw_that_cannot_be_is_a_fault(change: dict[str, Any], why: str) -> None:
     with pytest.raises(ValidationError, match=why.replace("{", r"\{").replace("}", r"\}")):
         parse_question(RAW | change)
+
+
+def test_a_name_in_braces_that_is_no_drawn_number_is_told() -> None:
+    """Formulas and code have braces of their own."""
+    assert [*list_unknown_names(parse_question(RAW))] == [("q", "other")]
+    explain = "$\\frac{a}{b}$ <code>f'{x}'</code> {kp} {Kp}"
+    question = parse_question(RAW | {"q": "{kp} {lean}", "explain": explain})
+    assert [*list_unknown_names(question)] == [("explain", "Kp")]
+    plain = {"id": "a", "kind": "numeric", "q": "{x}", "answer": 1}
+    assert [*list_unknown_names(parse_question(plain))] == []

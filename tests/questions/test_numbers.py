@@ -80,6 +80,13 @@ def test_a_slip_that_explains_every_wrong_number_is_the_diagnosis() -> None:
     assert "factor of two" in two.findings[1].message
 
 
+def test_numbers_that_stand_in_each_others_fields_are_told_so() -> None:
+    said = "Period T and Mass are exchanged: each number is right for the other."
+    assert grade_answer(asked(), {"T": 2, "m": 5}).diagnosis == said
+    assert grade_answer(asked(), {"T": "2 ms", "m": 5}).diagnosis != said, "2 ms are no 2 kg"
+    assert grade_answer(asked(), {"T": 2, "m": 6}).diagnosis != said
+
+
 def test_the_direction_alone_tells_no_slip_and_no_size() -> None:
     told = [
         revealing(grade_answer(asked(reveal="direction"), {"T": value, "m": -2}), "direction") for value in (50, 51.7)

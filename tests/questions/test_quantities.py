@@ -69,6 +69,8 @@ def test_not_five_milliseconds(text: Any) -> None:
         ("1,234", 'can mean "1.234" or "1234"'),
         ("1,234 ms", 'can mean "1.234 ms" or "1234 ms"'),
         ("12,345e3", 'can mean "12.345e3" or "12345e3"'),
+        ("[5,6]", 'can mean "5.6" or an interval: type one number'),
+        ("(0,5)", 'can mean "0.5" or an interval: type one number'),
         ("1,23,456", "cannot be read as one number"),
         ("5 5", "cannot be read as one number"),
         ("1.2.3", "cannot be read as one number"),
@@ -238,3 +240,9 @@ def test_any_text_is_read_or_refused_with_one_sentence(text: str) -> None:
 @pytest.mark.parametrize(("name", "full_name"), COMMON.items())
 def test_a_common_unit_is_what_pint_reads(name: str, full_name: str) -> None:
     assert registry().get_name(name) == full_name
+
+
+def test_a_number_that_its_unit_makes_too_large_is_refused_in_one_sentence() -> None:
+    with pytest.raises(InvalidAnswer) as refused:
+        read_quantity("1e308 ks", "s")
+    assert str(refused.value) == '"1e+308 ks" is too large: type a finite number in s.'

@@ -9,8 +9,7 @@ from dataclasses import replace
 from mujoco import FatalError, MjModel
 
 from grader.certify.certificate import Certificate, refuse
-from grader.certify.dimensions import explain_unit
-from grader.certify.inference import infer_verify
+from grader.certify.inference import asks_for_stability, infer_verify
 from grader.certify.measurement_keys import EMPTY, certify_expression, certify_measurement
 from grader.certify.predict_keys import certify_prediction
 from grader.certify.stage_keys import certify_stage
@@ -21,6 +20,7 @@ from grader.domain.verify import ByExpression, ByMeasurement, ByOptions, ByOutco
 from grader.errors import CallerError, LabRefused
 from grader.experiments.runs import VerifyError, read_xml
 from grader.questions import AnswerKey, ModelXml, NumberKey, OptionKey
+from grader.questions.kinds.number.dimensions import explain_unit
 
 __all__ = ["Certificate", "certify_key"]
 
@@ -42,9 +42,9 @@ def certify_key(key: AnswerKey, model_xml: ModelXml) -> Certificate | None:
     else:
         if verify.accept is not None:
             certificate = _accept(certificate, verify.accept)
-    if key.verify is None and _are_all_stable(certificate):
+    if key.verify is None and (_are_all_stable(certificate) or _is_about_something_else(certificate, key)):
         return None
-    certificate = _compare_units(certificate, key, model_xml)
+    certificate = _remark_other_model(_compare_units(certificate, key, model_xml), key)
     at = certificate.key if key.verify is not None else "answer"
     at = f"{key.place}.{at}" if key.place else at
     return replace(certificate, cost_ms=1000 * (time.perf_counter() - began), key=at)
@@ -73,6 +73,17 @@ def _compare_units(certificate: Certificate, key: AnswerKey, model_xml: ModelXml
     return certificate if why is None else replace(certificate, verdict="cannot tell", why=why, key="unit")
 
 
+def _remark_other_model(certificate: Certificate, key: AnswerKey) -> Certificate:
+    """Remark where the simulation that learners see after their answer is of another model than the one measured."""
+    if not (isinstance(key, NumberKey) and isinstance(key.verify, ByMeasurement) and key.lab is not None):
+        return certificate
+    measured, shown = key.verify.model, key.lab.model
+    if measured is None or shown is None or measured == shown:
+        return certificate
+    remark = f"The key is measured of the model {measured}, and the simulation of the question shows {shown}."
+    return replace(certificate, remarks=(*certificate.remarks, remark))
+
+
 def _certify(key: AnswerKey, verify: Verify, model_xml: ModelXml) -> Certificate:
     match key, verify:
         case NumberKey(), ByThreshold():
@@ -86,6 +97,12 @@ def _certify(key: AnswerKey, verify: Verify, model_xml: ModelXml) -> Certificate
         case OptionKey(lab=LabConfig() as lab), ByOptions() | ByOutcome():
             return certify_prediction(key, lab, verify, model_xml)
     return refuse(verify.by, key.answer, f"verify by {verify.by} does not fit a {key.kind} question")
+
+
+def _is_about_something_else(certificate: Certificate, key: AnswerKey) -> bool:
+    """Whether stability, which was inferred, refutes the key of a question that does not ask for it, as one that asks
+    which setting is unstable."""
+    return certificate.method == "options" and not certificate.ok and not asks_for_stability(key)
 
 
 def _are_all_stable(certificate: Certificate) -> bool:

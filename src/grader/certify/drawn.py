@@ -1,13 +1,15 @@
 """Keys of questions with drawn numbers: derived for those of a learner, and certified at the ends of their ranges."""
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 from grader.certify import Certificate, certify_key
 from grader.errors import GraderError
-from grader.questions import AnswerKey, ModelXml, Question, kind_of
-from grader.questions.drawing import Drawable, list_corners
+from grader.experiments.limits import UNCERTAINTY_SHARE
+from grader.questions import AnswerKey, ModelXml, NumberKey, Question, kind_of
+from grader.questions.drawing import PROSE, Drawable, list_corners, list_names
 
 
 class NoKey(GraderError):
@@ -15,23 +17,47 @@ class NoKey(GraderError):
 
 
 def settle(question: Question, numbers: Mapping[str, float], model_xml: ModelXml) -> Question:
-    """Returns a question with these numbers, and the key that simulation derives for them. Raises NoKey."""
+    """Returns a question with these numbers, and the key that simulation derives for them. Raises NoKey, also where the
+    key is not known to a share of its tolerance."""
     drawable = cast(Drawable, question)
     posed = cast(Question, drawable.with_numbers(numbers))
     answers: dict[str, float] = {}
+    certificates: dict[str, Certificate] = {}
     for key in kind_of(posed).answer_keys(posed):
         certificate = certify_key(key, model_xml)
         if certificate is None or certificate.answer is None:
             why = "no verify says how" if certificate is None else certificate.why
             raise NoKey(f"the key for {describe(numbers)} cannot be derived: {why}")
-        answers[key.place] = certificate.answer
-    return cast(Question, drawable.with_numbers(numbers, answers))
+        answers[key.place], certificates[key.place] = certificate.answer, certificate
+    settled = cast(Question, drawable.with_numbers(numbers, answers))
+    for key in kind_of(settled).answer_keys(settled):
+        if not is_known(certificates[key.place], key):  # to the tolerance of the question as loaded, which may be wider
+            certificate = certify_key(key, model_xml)
+            if certificate is None or certificate.answer is None or not certificate.is_publishable:
+                why = "" if certificate is None else certificate.why
+                raise NoKey(f"the key for {describe(numbers)} cannot be derived: {why}")
+            answers[key.place] = certificate.answer
+            settled = cast(Question, drawable.with_numbers(numbers, answers))
+    return settled
+
+
+def is_known(certificate: Certificate, key: AnswerKey) -> bool:
+    """Whether the uncertainty of a derived number is a small share of the tolerance of its key."""
+    doubt = certificate.uncertainty
+    return not isinstance(key, NumberKey) or doubt is None or doubt <= UNCERTAINTY_SHARE * key.tolerance
 
 
 def certify_corners(question: Question, model_xml: ModelXml) -> Iterator[tuple[AnswerKey, Certificate]]:
     """Yields the certificates that fail for numbers at the ends of their ranges, with the key of the question. A key
-    that is derived there must hold at other timesteps, too."""
+    that is derived there must hold at other timesteps, too, and must come from every number."""
     keys = kind_of(question).answer_keys(question)
+    for name in list_unused(cast(Drawable, question)):
+        why = (
+            f"{{{name}}} is in q, but nothing that derives the key uses it, so that every learner has the same key: "
+            "write it into `verify`, even where it changes nothing"
+        )
+        yield keys[0], Certificate("cannot tell", why, "verify", None, keys[0].answer, key="draw")
+    signs: dict[str, set[bool]] = {key.place: set() for key in keys}
     for numbers in list_corners(cast(Drawable, question).draw):
         try:
             posed = settle(question, numbers, model_xml)
@@ -39,9 +65,38 @@ def certify_corners(question: Question, model_xml: ModelXml) -> Iterator[tuple[A
             yield keys[0], Certificate("cannot tell", str(error), "verify", None, keys[0].answer, key="draw")
             continue
         for key, own in zip(keys, kind_of(posed).answer_keys(posed), strict=True):
+            signs[key.place].add(own.answer > 0)
             certificate = certify_key(own, model_xml)
             if certificate is not None and not certificate.ok:
                 yield key, replace(certificate, why=f"with {describe(numbers)}: {certificate.why}", key="draw")
+    for key in keys:
+        if (
+            isinstance(key, NumberKey)
+            and len(signs[key.place]) > 1
+            and not has_tolerance(cast(Drawable, question), key)
+        ):
+            why = "the key has either sign, and without `tol` next to nothing is right where it is near 0: give tol"
+            at = f"{key.place}.tol" if key.place else "tol"
+            yield key, Certificate("cannot tell", why, "verify", None, key.answer, key=at)
+
+
+def has_tolerance(question: Drawable, key: AnswerKey) -> bool:
+    """Whether the author gives the tolerance of a number."""
+    raw = json.loads(question.template)
+    if key.place:
+        _, index = key.place.split(".")
+        raw = raw["fields"][int(index)]
+    return raw.get("tol") is not None
+
+
+def list_unused(question: Drawable) -> list[str]:
+    """Returns the names of the numbers that no `verify` uses, nor the lab that one runs."""
+    raw = json.loads(question.template)
+    parts: list[Any] = [raw.get("verify"), *(field.get("verify") for field in raw.get("fields", ()))]
+    if raw["kind"] == "predict":
+        parts += [value for key, value in (raw.get("sim") or {}).items() if key not in PROSE]
+    used = list_names(json.dumps(parts))
+    return [name for name in question.draw if name not in used]
 
 
 def describe(numbers: Mapping[str, float]) -> str:

@@ -19,6 +19,9 @@ KV, KP = re.compile(rf"\bkv ?= ?{NUMBER}"), re.compile(rf"\bkp ?= ?{NUMBER}")
 ASKED = re.compile(r"largest (?:stable )?timestep")
 TIMES = frozenset(("seconds", "milliseconds", "microseconds"))
 EXPLICIT = re.compile(r"\bexplicit|\bEuler\b")
+OTHERS = re.compile(r"\bimplicit|\bRK4\b|\bRunge|\bdiscrete\b")
+STABLE = re.compile(r"(?<!not )(?<!never )(?<!longer )\bstab", re.IGNORECASE)
+"""Words of a question that asks what is stable; `unstable` and `instability` do not match."""
 
 
 def infer_verify(key: AnswerKey) -> Verify | None:
@@ -49,7 +52,12 @@ def _infer_servo_limit(key: NumberKey) -> ByThreshold | None:
     unit = known_unit(key.unit or "")
     if inertia is None or kv is None or unit is None or unit.words.split(" ")[0] not in TIMES:
         return None
-    if not ASKED.search(text) or not EXPLICIT.search(text):
+    if not ASKED.search(text) or not EXPLICIT.search(text) or OTHERS.search(text):
         return None
     servo = ServoJoint(inertia=float(inertia[1]), kv=float(kv[1]), kp=float(kp[1]) if kp else 0.0)
     return ByThreshold(by="threshold", servo=servo)
+
+
+def asks_for_stability(key: AnswerKey) -> bool:
+    """Whether the text of a question asks which option is stable."""
+    return STABLE.search(plain_text(key.text)) is not None

@@ -43,6 +43,9 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
         controller=verify.controller,
         readouts=(Readout(label="value", expr=verify.expr),),
     )
+    if verify.until is not None and verify.until > verify.seconds:
+        why = f"the run ends after {verify.seconds:g} s: write more `seconds`, or an earlier `until`"
+        return refuse("measurement", key.answer, why, key="verify.until", failed="window")
     xml = read_xml(verify.model, verify.xml, model_xml)
     keys = {part: f"verify.{part}" for part in ("setup", "controller", "key")} | {"readouts": "verify.expr"}
     scale = find_scale(verify.when, key.unit)

@@ -62,6 +62,8 @@ def _certify_options(key: OptionKey, lab: LabConfig, verify: ByOptions, xml: str
     settings = list(verify.settings or (infer_settings(key.options, select) if select else ()))
     if len(settings) != len(key.options) or not any(settings):
         return refuse("options", key.answer, "no option has a setting: write verify.settings, one per option")
+    if select is not None and (why := explain_contradiction(key.options, settings, select)):
+        return refuse("options", key.answer, why, key="verify.settings")
     measuring = remove_display(lab, *(() if verify.criterion == "stable" else (_find_expression(verify.criterion),)))
     held: dict[int, bool] = {}
     measured: dict[str, Any] = {}
@@ -134,6 +136,17 @@ def infer_settings(options: Sequence[str], select: Select) -> list[Setting | Non
     """Returns the setting that each option names, or None."""
     labels = {plain_text(text): text for text, _ in select.options}
     return [{select.label: labels[plain_text(o)]} if plain_text(o) in labels else None for o in options]
+
+
+def explain_contradiction(options: Sequence[str], settings: Sequence[Setting | None], select: Select) -> str | None:
+    """Returns why settings are not those of their options, where an option is a label of the select."""
+    values = {plain_text(text): (text, value) for text, value in select.options}
+    for option, setting in zip(options, settings, strict=True):
+        named = values.get(plain_text(option))
+        if named is not None and setting and select.label in setting and setting[select.label] not in named:
+            sets = f"verify.settings set {select.label!r} to {setting[select.label]!r}"
+            return f"the option {option!r} is a setting itself, and {sets} for it: write them in the options' order"
+    return None
 
 
 def _find_right_options(options: Sequence[str], held: dict[int, bool]) -> list[int]:

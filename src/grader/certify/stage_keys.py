@@ -52,6 +52,10 @@ def certify_stage(key: OptionKey, verify: ByStage, model_xml: ModelXml) -> Certi
     stages = verify.stages or tuple(map(find_stage, key.options))
     if len(stages) != len(key.options) or not set(stages) <= {None, *CALLS}:
         return refuse("stage", key.answer, f"verify.stages needs one of {', '.join(CALLS)} for each option")
+    words = tuple(map(find_stage, key.options))
+    if None not in words and words != stages and len({*words}) == len(words) and {*words} == {*stages}:
+        why = f"verify.stages are exchanged: the words of the options name {', '.join(filter(None, words))}"
+        return refuse("stage", key.answer, why, key="verify.stages")
     named = verify.model or verify.xml
     xml = read_xml(verify.model, verify.xml, model_xml) if named else IN_CONTACT
     observed = _observe(xml, verify.fills)

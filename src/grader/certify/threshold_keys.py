@@ -9,7 +9,7 @@ import numpy as np
 from grader.certify.certificate import Certificate, certify_number, refuse
 from grader.domain.verify import ByThreshold, ServoJoint
 from grader.experiments.runs import VerifyError, read_xml, set_fields
-from grader.numerics.integrators import BY_NAME
+from grader.numerics.integrators import BY_NAME, INTEGRATORS
 from grader.numerics.scene import Scene
 from grader.numerics.stability.bisection import SearchResult, Threshold, find_threshold
 from grader.numerics.stability.equilibrium import find_equilibrium_of_motion
@@ -64,7 +64,15 @@ def certify_threshold(key: NumberKey, verify: ByThreshold, model_xml: ModelXml) 
     }
     derived, uncertainty = 0.5 * (low + high), 0.5 * (high - low)
     certificate = certify_number("threshold", key, derived, uncertainty, measured)
-    return replace(certificate, remarks=(*limit.remarks, *certificate.remarks))
+    return replace(certificate, remarks=(*limit.remarks, *_remark_integrator(scene, verify), *certificate.remarks))
+
+
+def _remark_integrator(scene: Scene, verify: ByThreshold) -> tuple[str, ...]:
+    """A remark where the model names an integrator and `verify` names none, which is then Euler."""
+    own = next((one.name for one in INTEGRATORS if one.code == int(scene.model.opt.integrator)), "Euler")
+    if verify.servo is not None or own == "Euler" or "integrator" in verify.model_fields_set:
+        return ()
+    return (f"The key was derived under Euler, and the model's own integrator is {own}: write verify.integrator.",)
 
 
 @dataclass(frozen=True)

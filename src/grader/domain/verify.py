@@ -27,6 +27,17 @@ class Way(VerifyPart):
 
     accept: Annotated[str, Field(min_length=10, max_length=1000)] | None = None
 
+    @model_validator(mode="after")
+    def _has_one_scene(self) -> Self:
+        named = [name for name in SCENES if getattr(self, name, None) is not None]
+        if len(named) > 1:
+            raise ValueError(f"give one of {' and '.join(named)}: only one of them would be used")
+        return self
+
+
+SCENES = ("servo", "model", "xml")
+"""Keys that name what is simulated."""
+
 
 class Simulation(Way):
     """What every way that runs a simulation has.

@@ -70,7 +70,7 @@ class ParsedSubmission:
     canonical JSON in ASCII, `digest` the sha256 of it with the ids of quiz and question. An exercise has the `source`
     of its script or model, or the base64 of its file, and the `seed` that draws the hidden cases; or else `refusal`,
     why none can be read. A question whose numbers are drawn is that of the learner, with their key, and has the `seed`
-    of them."""
+    of them; `lost` is what was raised where that key cannot be derived."""
 
     quiz: Quiz
     question: Question
@@ -81,6 +81,7 @@ class ParsedSubmission:
     source: str | None = None
     seed: int | None = None
     refusal: str | None = None
+    lost: Exception | None = None
 
     @property
     def is_instant(self) -> bool:
@@ -155,7 +156,10 @@ class Pipeline:
                 raise TooLarge(f"The answer is too long; at most {TEXT_BYTES_MAX // 1024} KB are taken.")
             if (quiz_id, question_id) in self.drawn and (learner or seed is not None):
                 seed = self.poser.seed_of(learner, quiz_id, question_id) if seed is None else seed
-                return replace(parsed, question=self.poser.pose(quiz_id, question_id, seed), seed=seed)
+                try:
+                    return replace(parsed, question=self.poser.pose(quiz_id, question_id, seed), seed=seed)
+                except Exception as error:  # ours, which judging tells
+                    return replace(parsed, seed=seed, lost=error)
             return parsed
         try:
             source = kind_of(question).read(question, answer)
@@ -210,6 +214,8 @@ class Pipeline:
         question = submission.question
         measured = ScriptOutput()
         try:
+            if submission.lost is not None:
+                raise submission.lost
             if submission.refusal is not None:
                 verdict = build_ungraded(question, Status.INVALID_ANSWER, submission.refusal)
             elif isinstance(question, ScriptQuestion):

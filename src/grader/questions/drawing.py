@@ -34,6 +34,8 @@ NUMBERS = (
 NAME = r"[A-Za-z_][A-Za-z0-9_]*"
 PLACEHOLDER = re.compile(rf"\{{({NAME})\}}")
 
+CODE = re.compile(r"<(code|pre)\b.*?</\1>", re.DOTALL | re.IGNORECASE)
+
 Numbers = Mapping[str, float]
 
 
@@ -59,7 +61,7 @@ class Drawable(BaseModel):
 
     @model_validator(mode="after")
     def _shows_every_number(self) -> Self:
-        shown = PLACEHOLDER.findall(str(json.loads(self.template).get("q"))) if self.template else []
+        shown = list_names(str(json.loads(self.template).get("q"))) if self.template else set()
         if self.template and (hidden := [name for name in self.draw if name not in shown]):
             why = {"name": f"{{{hidden[0]}}}"}
             raise PydanticCustomError("draw", "q never shows {name}: write it there, so that learners see it", why)
@@ -106,6 +108,19 @@ def fill_in_middle(raw: Any) -> Any:
     return fill_in(raw, middle) | {"template": json.dumps(raw)} if middle else raw
 
 
+def list_unknown_names(question: BaseModel) -> Iterator[tuple[str, str]]:
+    """Yields key and name of what stands in braces in the texts of a drawn question, and is no number of it: learners
+    would read it as it stands. Formulas and code have braces of their own."""
+    if not isinstance(question, Drawable) or not question.draw:
+        return
+    raw = json.loads(question.template)
+    for key in ("q", "options", "whys", "explain"):
+        texts = raw.get(key) or ()
+        for text in (texts,) if isinstance(texts, str) else texts:
+            plain = CODE.sub("", " ".join(str(text).split("$")[::2]))
+            yield from ((key, name) for name in PLACEHOLDER.findall(plain) if name not in question.draw)
+
+
 def round_short(value: float) -> float:
     """Returns a number with DIGITS significant digits; a whole one as such."""
     short = round(value, DIGITS - 1 - floor(log10(abs(value)))) if value else 0.0
@@ -150,6 +165,11 @@ def fill_in(raw: Any, numbers: Numbers, key: str = "") -> Any:
     if whole and whole[1] in numbers:
         return numbers[whole[1]]
     return write(raw, numbers, "{}" if key == "xml" else "({})")
+
+
+def list_names(text: str) -> set[str]:
+    """Returns the names in braces."""
+    return set(PLACEHOLDER.findall(text))
 
 
 def write(text: str, numbers: Numbers, form: str) -> str:

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 from functools import partial
-from math import isclose, log10, pi
+from math import isclose, log10, pi, tau
 
 import mujoco
 
-from grader.certify.dimensions import read_dimension, read_unit
 from grader.certify.proposals.scenes import Shown
 from grader.errors import InvalidAnswer
+from grader.questions.kinds.number.dimensions import read_dimension, read_unit
 from grader.questions.kinds.number.units import convert, known_unit
 
 
@@ -35,8 +35,13 @@ def fit_unit(shown: Shown, model: mujoco.MjModel, unit: str | None) -> Fitted | 
     if measured.size is None:
         return fit_declared(shown, unit)
     factor = find_factor(measured.name, unit)
-    if factor is None:
-        factor = measured.size / wanted.size if wanted.size is not None else 1.0
+    if factor is None and wanted.size is not None:
+        factor = measured.size / wanted.size
+    if factor is None:  # turns are counted, and measured are radians
+        cycles = find_factor("Hz", unit)
+        if cycles is None:
+            return None
+        factor = measured.size * cycles / tau
     return Fitted(multiply(shown.expr, factor), shown, factor, is_certain=True)
 
 

@@ -18,6 +18,7 @@ from grader.library.checking.prose_remarks import list_prose_remarks
 from grader.library.files import read_text
 from grader.library.json_text import dotted
 from grader.questions import ModelXml, Question, Quiz, kind_of
+from grader.questions.drawing import list_unknown_names
 
 if TYPE_CHECKING:
     from grader.exercises import TextOf
@@ -113,6 +114,9 @@ def question_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
     """Yields what may surprise the authors of questions."""
     for question in quiz.questions:
         for key, why in kind_of(question).warnings(question):
+            yield Fault(file, dotted(question.id, key), why)
+        for key, name in list_unknown_names(question):
+            why = f"{{{name}}} is shown as it stands: `draw` has {', '.join(getattr(question, 'draw', ()))}"
             yield Fault(file, dotted(question.id, key), why)
 
 

@@ -45,7 +45,17 @@ class Claims(Kind[ClaimsParameters, Problem, Outcome]):
         rehearse_claims(trial.problem)
 
     def certify(self, parameters: ClaimsParameters, trial: Trial[Problem]) -> None:
-        """Measures every claim at shorter timesteps too. Raises WrongParameter where one cannot be decided."""
+        """Measures every claim at shorter timesteps too. Raises WrongParameter where one cannot be decided, is not in
+        its unit, or is about more than its run."""
+        from grader.exercises.kinds.claims.units import explain_unit_of_claim  # it parses; a verdict needs none of it
+
+        for index, claim in enumerate(trial.problem.claims):
+            if why := explain_unit_of_claim(claim, compile_text(trial.problem.xml)):
+                raise WrongParameter(f"claims.{index}.unit", why)
+            seconds = claim.seconds or trial.problem.seconds
+            if claim.until is not None and claim.until > seconds:
+                why = f"the run ends after {seconds:g} s: write more `seconds`, or an earlier `until`"
+                raise WrongParameter(f"claims.{index}.until", why)
         for measured in measure_claims(trial.problem):
             if measured.trouble is not None:
                 raise WrongParameter(*measured.trouble)

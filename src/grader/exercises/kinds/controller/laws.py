@@ -20,12 +20,13 @@ ROWS_MIN = 12
 @dataclass(frozen=True)
 class FittedLaw:
     """Controls = observed now (or a step before) times `gains`, plus `difference` times their change, plus `integral`
-    times the sum of errors over time [1/s], plus a constant."""
+    times the sum of errors over time [1/s], plus a `constant`."""
 
     gains: Floats
     difference: Floats
     integral: float
     stale: bool
+    constant: float
 
     @property
     def differentiates(self) -> bool:
@@ -53,12 +54,12 @@ def fit_law(record: Record, *, track: int, has_target: bool, fits: float = EXACT
         (seen, seen - before, none),
         (seen, seen - before, sums),
     ):
-        gains = solve(np.hstack((base, change, integral)), asked, free, fits)
-        if gains is not None:
+        solved = solve(np.hstack((base, change, integral)), asked, free, fits)
+        if solved is not None:
+            gains, constant = solved
             changes = np.nan_to_num(gains[width : width + change.shape[1]])
-            return FittedLaw(
-                gains[:width], changes, float(np.nan_to_num(gains[-1])) if integral.size else 0.0, base is before
-            )
+            summed = float(np.nan_to_num(gains[-1])) if integral.size else 0.0
+            return FittedLaw(gains[:width], changes, summed, base is before, constant)
     return None
 
 
@@ -71,8 +72,9 @@ def find_free(asked: Floats) -> Mask:
     return free
 
 
-def solve(columns: Floats, asked: Floats, free: Mask, fits: float) -> Floats | None:
-    """Returns the gains of columns that do not stay constant (nan for the others), if they explain the controls."""
+def solve(columns: Floats, asked: Floats, free: Mask, fits: float) -> tuple[Floats, float] | None:
+    """Returns the gains of columns that do not stay constant (nan for the others), and the constant beside them, if
+    they explain the controls."""
     rows, wanted = columns[free], asked[free]
     if len(rows) < max(ROWS_MIN, 2 * columns.shape[1]) or np.var(wanted) == 0:
         return None
@@ -85,4 +87,4 @@ def solve(columns: Floats, asked: Floats, free: Mask, fits: float) -> Floats | N
         return None
     gains = np.full(columns.shape[1], np.nan)
     gains[moving] = solution[:-1] / scale[moving]
-    return gains
+    return gains, float(solution[-1])

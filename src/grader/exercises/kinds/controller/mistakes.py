@@ -29,6 +29,9 @@ RECORDS_READ = 3
 REST_PART = 5
 """The last of so many parts of an episode is its end."""
 
+SAME = 1e-6
+"""How far constants of one law may be apart, by rounding."""
+
 RESTS = 0.02
 """What an error is of the whole motion at least, and what moves at the end is of the error at most."""
 
@@ -40,6 +43,7 @@ WRITES = (
     "the controls that you return, or leave in data.ctrl, act."
 )
 NOTHING = "The controls never change: the function does not use what it observes."
+CONSTANT = "The controls do not change during an episode: they must follow what is observed as it changes."
 STALE = (
     "The controls follow what was observed one step before. Compute them from the observation of this call, and only "
     "then keep it for the next."
@@ -58,6 +62,7 @@ WIND_UP = (
     "The integrator winds up: while the actuator is at its limit it goes on summing the error, and has to unwind "
     "later. Stop the sum there, or limit it."
 )
+SUM_SIGN = "The sum of the errors acts with the wrong sign: it pushes away from the target."
 SATURATES = (
     "Most of the time the controls are beyond what the actuator gives: it switches from one end to the other. Lower "
     "the gains."
@@ -94,7 +99,30 @@ def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged])
     sentences = [sentence for one, record in records for sentence in find_sentences(parameters, one, record)]
     if is_tuned:  # only what is wrong whatever the case is
         return next((one for one in sentences if one.endswith(DEGREES_END)), TUNED)
-    return next(iter(sentences), None)
+    sentence = next(iter(sentences), None)
+    if sentence == HANGS and ignores_target(parameters, judged):
+        return MISSING.format(name="the target")
+    return CONSTANT if sentence == NOTHING and not is_always_the_same(judged) else sentence
+
+
+def is_always_the_same(judged: Sequence[Judged]) -> bool:
+    """Whether the controls are the same in every step of every episode."""
+    asked = [one.asked for each in judged for one in each.judgement.outcome.records if len(one.asked)]
+    return not asked or bool(np.ptp(np.vstack(asked), axis=0).max() == 0)
+
+
+def ignores_target(parameters: ControllerParameters, judged: Sequence[Judged]) -> bool:
+    """Whether one law with the same constant holds in episodes with different targets, each of which stays as it is."""
+    if not parameters.has_target:
+        return False
+    track = find_columns(parameters, judged[0].trial.problem)[parameters.track]
+    found: dict[float, float] = {}
+    for record in (record for one in judged for record in one.judgement.outcome.records):
+        law = None if record.fault else fit_law(record, track=track, has_target=True)
+        if law is not None and np.ptp(record.target) == 0 and not law.integral and not law.differentiates:
+            found[float(record.target[0])] = law.constant
+    constants = np.array([*found.values()])
+    return len(found) > 1 and bool(np.ptp(constants) <= SAME * np.abs(constants).max())
 
 
 def is_first_alone(one: Judged) -> bool:
@@ -117,11 +145,13 @@ def find_sentences(parameters: ControllerParameters, one: Judged, record: Record
         if law.differentiates and any(record.episode.noise.values()):
             yield NOISE
         yield from find_wrong_gains(parameters, one.trial.problem, law)
+        if law.integral * law.gains[track] > 0:
+            yield SUM_SIGN
         if law.integral and find_beyond(one.trial.problem, record) > 0.05:
             yield WIND_UP
     else:
         rough = fit_law(record, track=track, has_target=parameters.has_target, fits=ROUGH)
-        if rough is not None:
+        if rough is not None and not rough.differentiates:  # a gain on changes makes up for one on values
             wrong_signs = [SIGN.format(name=name) for name in parameters.law]
             yield from (said for said in find_wrong_gains(parameters, one.trial.problem, rough) if said in wrong_signs)
     if limited > SATURATED:

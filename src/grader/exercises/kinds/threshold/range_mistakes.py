@@ -2,10 +2,11 @@
 
 import re
 from itertools import pairwise
-from math import isnan
+from math import isfinite, isnan
 
 from grader.exercises.kinds.threshold.judging.judge import Bracket, NoLimit, Unreadable
 from grader.exercises.kinds.threshold.observation import CLOSE, Observation
+from grader.exercises.trace import ReturnedValue
 
 ROUNDED_DECIMALS = (2, 3)
 """Decimals of a second to which a rounded answer may be off by more than is allowed."""
@@ -97,14 +98,29 @@ def explain_unreadable_result(observed: Observation) -> str | None:
             f"Your function returns a {value.type} that holds None: where nothing is unstable return None alone, else "
             "two numbers, (h_stable, h_unstable)."
         )
-    if value.type in ("float", "float64") and any(map(isnan, value.numbers)):
-        return (
-            "Your function returns nan: where nothing is unstable return None alone, else two numbers, (h_stable, "
-            "h_unstable)."
-        )
+    is_claim = value.type.startswith("float") or value.shape in ((1,), (2,))
+    if is_claim and (why := explain_items(value)):
+        return why
     many = f" of {value.shape[0]} items" if value.type in ("tuple", "list") and value.shape else ""
     what = f"a value of type {value.type}{many}" if value.type else "something else"
     return f"Your function returns {what}: it must return (h_stable, h_unstable) in seconds, or None."
+
+
+def explain_items(value: ReturnedValue) -> str | None:
+    """Returns the sentence for one or two numbers of which one is none, or is not finite."""
+    items = value.items or (value.type,) * len(value.numbers)
+    holder = "" if value.type.startswith("float") else f" a {value.type} with"
+    returns = f"Your function returns{holder}"
+    for item, number in zip(items, value.numbers, strict=False):
+        if isnan(number) and item and not item.startswith(("float", "ndarray")):
+            return f"{returns} a value of type {item}: it must return two numbers in seconds, (h_stable, h_unstable)."
+        if item.startswith("float") and not isfinite(number):
+            what = "nan" if isnan(number) else "inf"
+            return (
+                f"{returns} {what}: where nothing is unstable return None alone, else two numbers, (h_stable, "
+                "h_unstable)."
+            )
+    return None
 
 
 def explain_list_indices(observed: Observation) -> str | None:

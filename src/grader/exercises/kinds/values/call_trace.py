@@ -1,5 +1,6 @@
 """Reads the trace of a `values` trial: what was returned, which functions of MuJoCo ran, which inputs were changed."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from math import isfinite, isnan
@@ -29,15 +30,20 @@ def explain_unreadable_results(wrong: Sequence[StudentCall]) -> str | None:
     first, names = values[0], [result.name for result in wrong[0].problem.function.results if result.field is None]
     if first is None or not names or any(one is None or one.type != first.type for one in values):
         return None
+    if first.type == "dict" and {*KEY.findall(wrong[0].comparison.answer.text)} == {*names}:
+        return f"Your function returns a dict in which not every value is a finite number: {say_cure(names)}"
     return explain_returned_value(first, names)
 
+
+KEY = re.compile(r"'(\w+)': ")
+"""A key of a dict as its text shows it."""
 
 OTHER_TYPES = {
     "str": "a text",
     "function": "a function, which it does not call",
     "builtin_function_or_method": "a function, which it does not call",
     "method": "a function, which it does not call",
-    "generator": "a generator, made by `yield`",
+    "generator": "a generator, whose values are not computed yet",
     "dict": "a dict with other keys",
     "set": "a set, which has no order",
     "bool": "a truth value",
@@ -50,7 +56,7 @@ OTHER_TYPES = {
 
 def explain_returned_value(value: ReturnedValue, names: Sequence[str]) -> str | None:
     """Returns what was returned in place of the results, and the cure."""
-    cure = f"return {' and '.join(names)} as {'a number or an array' if len(names) == 1 else 'numbers or arrays'}."
+    cure = say_cure(names)
     if value.type in OTHER_TYPES:
         return f"Your function returns {OTHER_TYPES[value.type]}: {cure}"
     if value.type in ("tuple", "list") and value.shape != (len(names),) and len(names) > 1:
@@ -60,6 +66,11 @@ def explain_returned_value(value: ReturnedValue, names: Sequence[str]) -> str | 
         what = "nan (not a number)" if any(map(isnan, numbers)) else "inf"
         return f"Your result is {what}: look for a division by zero, or a root or logarithm of a number below zero."
     return None
+
+
+def say_cure(names: Sequence[str]) -> str:
+    """Returns what to return, to end a sentence."""
+    return f"return {' and '.join(names)} as {'a number or an array' if len(names) == 1 else 'numbers or arrays'}."
 
 
 def explain_by_trace(wrong: Sequence[StudentCall]) -> str | None:

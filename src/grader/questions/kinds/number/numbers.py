@@ -132,7 +132,7 @@ def unreadable(text: str, rest: str, otherwise: str) -> InvalidAnswer:
         return InvalidAnswer(f"{quoted(text)} is a range or a calculation: type one number.")
     if CALCULATION.search(scanned):
         return InvalidAnswer(f"{quoted(text)} is a calculation: type its result.")
-    return InvalidAnswer(f"{otherwise}: type one number.")
+    return InvalidAnswer(otherwise if otherwise.endswith(".") else f"{otherwise}: type one number.")
 
 
 def _value_of(found: re.Match[str], text: str) -> float:

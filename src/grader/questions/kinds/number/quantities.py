@@ -77,6 +77,9 @@ AGAIN_IN_PARENTHESES = re.compile(r",? \(([^()]*)\)$")
 METRES_PER = re.compile(r"\bms(?=(?:\^|\*\*)? ?\(?-[1-9])")
 """The metres and seconds of `9.81 ms^-2`, read so only where milliseconds do not fit."""
 
+INTERVAL = re.compile(r"[\[(][-+]?[0-9]+,[0-9]+[])]")
+"""Two whole numbers in brackets, or one with a decimal comma: `[5,6]`."""
+
 WRAPPINGS = {"(": ")", "[": "]", '"': '"', "'": "'", "`": "`", "*": "*", "_": "_"}
 WRAPPINGS_MAX = 4
 FULL_STOPS = ".,;!? "
@@ -265,12 +268,16 @@ def _without_hedge(text: str) -> str:
 
 
 def unwrapped(text: str) -> str:
-    """Drop parentheses, quotes or asterisks around the whole text."""
+    """Drop parentheses, quotes or asterisks around the whole text. Raises InvalidAnswer where they may hold an
+    interval."""
     for _ in range(WRAPPINGS_MAX):
         text = text.strip()
         if len(text) < 2 or WRAPPINGS.get(text[0]) != text[-1]:
             return text
         inner = text[1:-1]
+        if INTERVAL.fullmatch(text):
+            point = quoted(inner.replace(",", "."))
+            raise InvalidAnswer(f"{quoted(text)} can mean {point} or an interval: type one number.")
         if text[0] in "([" and inner.find(text[-1]) < inner.find(text[0]):
             return text
         text = inner

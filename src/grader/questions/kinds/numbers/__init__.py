@@ -18,7 +18,7 @@ from grader.questions.drawing import Drawable
 from grader.questions.kind import NOTHING_TYPED, CountedNumber, Example, Fields, QuestionKind
 from grader.questions.kinds.number import Target, list_typed_numbers, target_warnings
 from grader.questions.kinds.number.quantities import Quantity, read_quantity
-from grader.questions.kinds.number.slips import grade_number
+from grader.questions.kinds.number.slips import grade_number, is_right
 from grader.questions.parts import PARTS_MAX, field_of, json_or_text, typed_for
 from grader.questions.question import Question, Reveal
 
@@ -160,10 +160,13 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
 
     def grade(self, question: NumbersQuestion, answer: Mapping[str, Quantity]) -> Verdict:
         """Gives the points of each field for a number within its tolerance; names the slips behind wrong ones."""
-        pairs = zip(question.fields, self.answer_keys(question), strict=True)
+        pairs = list(zip(question.fields, self.answer_keys(question), strict=True))
         graded = [grade_number(key, answer[field.id], field.points, field.id, field.name) for field, key in pairs]
         findings, slips = [finding for finding, _ in graded], [slip for _, slip in graded]
-        mistake = _mistake([(one.title, slip) for one, slip in zip(findings, slips, strict=True) if not one.passed])
+        wrong = [pair for pair, finding in zip(pairs, findings, strict=True) if not finding.passed]
+        mistake = _exchange(wrong, answer) or _mistake(
+            [(one.title, slip) for one, slip in zip(findings, slips, strict=True) if not one.passed]
+        )
         return verdict_of(
             tuple(findings if mistake else map(_with_slip, findings, slips)),
             diagnosis=mistake,
@@ -217,6 +220,22 @@ def _mistake(wrong: Sequence[tuple[str, str | None]]) -> str | None:
     *others, last = [name for name, _ in wrong]
     names = f"{', '.join(others)} and {last}" if others else last
     return f"{names}: {'each' if others else 'your'} number{slip.removeprefix(YOURS)}"
+
+
+def _exchange(wrong: Sequence[tuple[NumberField, NumberKey]], answer: Mapping[str, Quantity]) -> str | None:
+    """The sentence for two wrong numbers of which each is right for the other field."""
+    if len(wrong) != 2:
+        return None
+    (one, its), (other, others) = wrong
+    if not (_is_right_for(answer[one.id], one, others) and _is_right_for(answer[other.id], other, its)):
+        return None
+    return f"{one.name} and {other.name} are exchanged: each number is right for the other."
+
+
+def _is_right_for(given: Quantity, field: NumberField, key: NumberKey) -> bool:
+    """Whether a number of one field is right for the key of another, in whose unit it is, or which it does not name."""
+    is_its = given.typed_unit is None or (field.unit or "") == (key.unit or "")
+    return is_its and is_right(given.number if given.typed_unit is None else given.value, key)
 
 
 def _with_slip(finding: Finding, slip: str | None) -> Finding:

@@ -75,7 +75,16 @@ def explain_unit(text: str, model: mujoco.MjModel, unit: str) -> str | None:
         return f"the expression gives a value in {what}, which the unit {unit} does not measure"
     if measured.size is not None and wanted.size is not None and not isclose(measured.size, wanted.size):
         return f"the expression gives a value in {measured.name or 'base units'}, and the unit is {unit}: convert one"
+    if measured.size is not None and counts_turns(unit):
+        what = measured.name or "rad and s"
+        return f"the expression gives a value in {what}, and {unit} counts turns: divide by 2π, or write another unit"
     return None
+
+
+def counts_turns(text: str) -> bool:
+    """Whether a unit counts whole turns, such as Hz or rpm."""
+    unit = known_unit(text)
+    return unit is not None and unit.rotation in (Rotation.CYCLES, Rotation.TURNS)
 
 
 def read_dimension(text: str, model: mujoco.MjModel) -> Quantity | None:
@@ -94,7 +103,7 @@ def read_unit(text: str) -> Quantity | None:
         return None
     try:
         base = find_base_unit(unit)
-        size = 1.0 if unit.rotation in (Rotation.CYCLES, Rotation.TURNS) else convert(1.0, unit, base)
+        size = 1.0 if counts_turns(text) else convert(1.0, unit, base)
     except GraderError:
         return None
     powers = [0.0, 0.0, 0.0]
@@ -104,8 +113,7 @@ def read_unit(text: str) -> Quantity | None:
         *own, factor = BASES[name]
         powers = [sum_ + power * one for sum_, one in zip(powers, own, strict=True)]
         size *= factor**power
-    counted = unit.rotation in (Rotation.CYCLES, Rotation.TURNS)
-    return Quantity((powers[0], powers[1], powers[2]), None if counted else size, text)
+    return Quantity((powers[0], powers[1], powers[2]), None if counts_turns(text) else size, text)
 
 
 def _spell(powers: tuple[float, ...]) -> str:
