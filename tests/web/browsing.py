@@ -128,8 +128,9 @@ LYING_ON_OTHERS = """picture => {
 """The texts of a picture that leave its figure, or lie on another text or on a dot."""
 
 
-def findings(page: Page) -> list[tuple[str, list[str]]]:
+def findings(page: Page, *, contrast: bool = True) -> list[tuple[str, list[str]]]:
     """What axe-core finds, and what it cannot decide, but for contrast: test_style.py computes that of every colour.
+    To look for contrast takes three quarters of the time, and need not be repeated at another width.
 
     It cannot decide the contrast of text in a plot, which stands on the plot's own card, and of signs such as the arrow
     at a sorted column, which is hidden from readers and has the ink of its heading.
@@ -137,7 +138,8 @@ def findings(page: Page) -> list[tuple[str, list[str]]]:
     wanted = ["violations", "incomplete"]  # of the passes, which are most, axe then describes one element a rule
     if not page.evaluate("'axe' in window"):  # half a megabyte of script, which stays until the page is left
         page.evaluate(Axe().axe_script)
-    options = {"rules": {"region": {"enabled": True}}, "resultTypes": wanted}
+    rules = {"region": {"enabled": True}, "color-contrast": {"enabled": contrast}}
+    options = {"rules": rules, "resultTypes": wanted}
     found = page.evaluate("options => axe.run(options)", options)
     undecided = [one for one in found["incomplete"] if one["id"] != "color-contrast"]
     return [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in [*found["violations"], *undecided]]
