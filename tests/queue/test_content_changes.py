@@ -12,6 +12,7 @@ from typing import Any
 import httpx
 
 from grader.library import load
+from support.content import PASSED
 from support.databases import database_url
 from support.queue_kills import (
     client_of,
@@ -92,7 +93,7 @@ def test_a_worker_without_the_content_grades_by_that_of_each_submission(tmp_path
             client_of(serving, "tina", "instructor") as teacher,
         ):
             wait_until_ready(server, serving)
-            old = load(content).question(QUIZ, "servo-threshold")
+            old = load(content, passed=PASSED).question(QUIZ, "servo-threshold")
             before = hand_in(ann, "servo-threshold")
             change(content)
             assert teacher.post(f"{API}/content:reload").status_code == 200

@@ -74,6 +74,10 @@ class Chromium:
                 if self.mark.encode() in (folder / "cmdline").read_bytes().split(b"\0"):
                     os.kill(int(folder.name), signal.SIGKILL)
 
+    def close(self) -> None:
+        """Ends it; it may have been launched again since."""
+        self.browser.close()
+
     def new_context(self, **options: Any) -> BrowserContext:
         """Somebody's browser, with cookies of its own."""
         try:
@@ -121,7 +125,7 @@ def start_kept_chromium() -> None:
 def end_kept_chromium() -> None:
     """Closes the browser that is kept, and its driver."""
     while KEPT:
-        KEPT.pop().browser.close()
+        KEPT.pop().close()
     DRIVERS.close()
 
 
@@ -131,11 +135,10 @@ def chromium(*more: str) -> Iterator[Chromium]:
     with ExitStack() as stack:
         if KEPT and not more:
             found = KEPT[0]
-            before = list(found.browser.contexts)
-            stack.callback(lambda: close_contexts(found, before))
+            stack.callback(close_contexts, found, list(found.browser.contexts))
         else:
             found = Chromium(KEPT[0].playwright if KEPT else stack.enter_context(sync_playwright()), more)
-            stack.callback(lambda: found.browser.close())
+            stack.callback(found.close)
         yield found
 
 
