@@ -65,7 +65,7 @@ def set_up(root: Path) -> Path:
     (tools / "apt-get").chmod(0o755)
     environment = {
         "PATH": f"{tools}:{os.environ['PATH']}", "CALLS": str(tools / "calls"), "AUTOGRADER_ROOT": str(root),
-        "PIP_NO_INDEX": "1", "PIP_NO_DEPS": "1", "HOME": str(root),
+        "PIP_NO_INDEX": "1", "PIP_NO_DEPS": "1", "PIP_NO_COMPILE": "1", "HOME": str(root),
     }  # fmt: skip
     done = subprocess.run(
         ["bash", root / "source/setup.sh"], env=environment, capture_output=True, text=True, check=False
