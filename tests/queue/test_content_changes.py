@@ -12,6 +12,7 @@ from typing import Any
 import httpx
 
 from grader.library import load
+from grader.settings import Settings
 from support.content import PASSED
 from support.databases import database_url
 from support.queue_kills import (
@@ -23,7 +24,6 @@ from support.queue_kills import (
     wait_for,
     wait_until_ready,
 )
-from support.sites import ROOT
 
 API = "/api/v1"
 QUIZ = "1.3-exercises"
@@ -39,8 +39,8 @@ DONE_S = 240.0
 
 def content_of(folder: Path) -> Path:
     """The lesson's exercises in a folder that may change."""
-    shutil.copytree(ROOT / "quizzes", folder / "quizzes")
-    shutil.copytree(ROOT / "models", folder / "models")
+    for name in ("quizzes", "models"):
+        shutil.copytree(Settings().content / name, folder / name)
     return folder
 
 
