@@ -17,7 +17,7 @@ from mjgrader.checking import check_source
 from mjgrader.errors import NotRunning, Sentence
 from mjgrader.kits import Kit, find_kit, read_kit, unpack_kit
 from mjgrader.session import Session
-from support.content import load_content
+from support.content import PASSED, load_content
 from support.sites import ROOT
 
 VALUES = ROOT / "tests/exercises/values"
@@ -167,7 +167,9 @@ def test_values_are_compared_here_only_where_the_author_reveals_them(
     quiz = json.loads(path.read_text())
     quiz["questions"] = [{**quiz["questions"][0], **({"reveal": reveal} if reveal else {})}]
     path.write_text(json.dumps(quiz))
-    kit = unpack_kit(build_kit(load(content), "motion", "rotor-acceleration", judged=True), tmp_path / "kit")
+    kit = unpack_kit(
+        build_kit(load(content, passed=PASSED), "motion", "rotor-acceleration", judged=True), tmp_path / "kit"
+    )
     source = (VALUES / f"reference_solutions/motion/rotor-acceleration/{solution}.py").read_text()
     trials = [{**trial, "index": index, "hidden": False} for index, trial in enumerate(kit.exercise["trials"])]
     names = ("kind", "without_integrators", "reveal")

@@ -24,6 +24,7 @@ from grader.exercises import (
 from grader.exercises.running import planning
 from grader.exercises.running.lacks import list_lacks
 from grader.exercises.running.planning import GROUP, load_kind
+from grader.grading.pipeline import Retries
 from support.command_line import grader
 
 DRIVER = """
@@ -230,6 +231,7 @@ def check(
     **changes: Any,
 ) -> list[dict[str, str]]:
     """The faults of an exercise of a kind, as if it were installed."""
+    monkeypatch.setattr("grader.grading.pipeline.COMMAND_RETRIES", Retries(tries=2, pause_s=0.01))
     kinds = {**planning.load_kinds(), "double": kind()}
     for module in ("planning", "runner", "authored", "lazy"):
         monkeypatch.setattr(f"grader.exercises.running.{module}.load_kinds", lambda: kinds)

@@ -19,6 +19,7 @@ from grader.exercises.kinds.rk4.judging.quaternions import find_quaternions
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
+from support.content import PASSED
 from support.kinds import install_kinds
 
 HERE = Path(__file__).parent
@@ -82,7 +83,7 @@ FORGED: Mapping[str, Forge] = {
 
 @cache
 def load_content(name: str) -> Library:
-    return load(ROOT if "1.3" in name else HERE / "values")
+    return load(ROOT if "1.3" in name else HERE / "values", passed=PASSED)
 
 
 def find_exercise(id_: str) -> tuple[ScriptQuestion, Library]:

@@ -23,7 +23,7 @@ def seeds(path: Path) -> list[int]:
     """
     index = PROGRAMS.index(path)
     return (
-        [100 + index % 8] + [1] * (index % 12 == 0) + [seed for name, seed in ONCE_MISTOLD.items() if path.stem == name]
+        [100 + index % 8] + [1] * (index % 12 == 8) + [seed for name, seed in ONCE_MISTOLD.items() if path.stem == name]
     )
 
 

@@ -23,6 +23,7 @@ from grader.exercises.kinds.values.parameters import Problem
 from grader.exercises.programs import limit_lines
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion
+from support import command_line
 
 HERE = Path(__file__).parent
 GRADER = Path(sys.executable).parent / "grader"
@@ -88,7 +89,7 @@ def library(tmp_path: Path) -> Library:
 
 
 def test_the_test_content_holds() -> None:
-    done = subprocess.run([GRADER, "check", HERE / "values", "--json"], capture_output=True, text=True, check=False)
+    done = command_line.grader("check", str(HERE / "values"), "--json")
     assert done.returncode == 0, done.stdout
     statuses = [reference["got"] for reference in json.loads(done.stdout)["references"]]
     assert len(statuses) >= 20

@@ -11,6 +11,7 @@ import pytest
 from grader.commands.grade import open_pipeline
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Fault, NotFound
+from grader.exercises import luck
 from grader.exercises.running.lazy import ODD
 from grader.grading.checking import ContentCheck, check_content
 from grader.grading.references import ReferenceProgram, read_demand
@@ -121,8 +122,9 @@ class Broadcasting(Generous):
         return Verdict(status=Status.PARTIAL, points=points, max_points=3)
 
 
-def test_an_unchanged_folder_needs_no_jail(tmp_path: Path) -> None:
+def test_an_unchanged_folder_needs_no_jail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The reports are the same, also the lines of progress."""
+    monkeypatch.setattr(luck, "DRAWS", 10)  # which bound the chance loosely
     program = tmp_path / "reference_solutions/1.3-exercises/servo-threshold/correct__spectral_radius.py"
     program.parent.mkdir(parents=True)
     program.write_bytes((ROOT / program.relative_to(tmp_path)).read_bytes())
@@ -131,6 +133,7 @@ def test_an_unchanged_folder_needs_no_jail(tmp_path: Path) -> None:
     file = tmp_path / "quizzes" / "1.3-exercises.json"
     quiz = json.loads(file.read_text())
     quiz["questions"] = [one for one in quiz["questions"] if one["id"] == "servo-threshold"]
+    quiz["questions"][0]["check"]["luck"] = 0.9
     file.write_text(json.dumps(quiz))
     checks = PassedChecks(tmp_path / "cache")
     first: list[str] = []

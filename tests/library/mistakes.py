@@ -93,14 +93,14 @@ class Place(NamedTuple):
         """The mistake of this value in place of the author's."""
         quiz = json.loads(json.dumps(self.quiz))
         get_value(quiz, self.way[:-1])[self.name] = value
-        return self.text_mistake(name, json.dumps(quiz, indent=1, ensure_ascii=False), key)
+        return self.text_mistake(name, json.dumps(quiz, ensure_ascii=False), key)
 
     def rename(self, name: str, key: str) -> Mistake:
         """The mistake of another key for this value."""
         quiz = json.loads(json.dumps(self.quiz))
         owner = get_value(quiz, self.way[:-1])
         owner[key] = owner.pop(self.name)
-        return self.text_mistake(name, json.dumps(quiz, indent=1, ensure_ascii=False), self.key.rpartition(".")[0])
+        return self.text_mistake(name, json.dumps(quiz, ensure_ascii=False), self.key.rpartition(".")[0])
 
     def text_mistake(self, name: str, text: str, key: str | None = None) -> Mistake:
         """The mistake of this text of the file."""

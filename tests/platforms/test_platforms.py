@@ -1,4 +1,4 @@
-"""A course of 60 learners at each platform, with faults in three of ten requests and a sender that is killed."""
+"""A course of 40 learners at each platform, with faults in three of ten requests and a sender that is killed."""
 
 import json
 import os
@@ -29,7 +29,7 @@ from platforms.profiles import BLACKBOARD, CANVAS_LMS, MOODLE, OPEN_EDX, Profile
 from support.databases import database_url
 from support.sites import write_content
 
-LEARNERS = 60
+LEARNERS = 40
 OVERRIDDEN = 5
 PATIENCE_S = 150.0
 TESTS = Path(__file__).parents[1]
@@ -125,7 +125,7 @@ def test_every_final_grade_is_right_and_nothing_is_lost_or_sent_twice(
         course.answer([(one, "q4", "because") for one in course.learners[::3]])
         if killed == "in the first scores":
             with sending(url, platform, threads) as first:
-                kill_in_the_middle(first, platform, draw.randrange(10, 36))
+                kill_in_the_middle(first, platform, draw.randrange(10, 26))
         with sending(url, platform, threads) as second:
             wait_until(lambda: count(database, SENT) == LEARNERS)
             (item,) = platform.items
@@ -134,7 +134,7 @@ def test_every_final_grade_is_right_and_nothing_is_lost_or_sent_twice(
             persons = course.learners[1 : 3 * OVERRIDDEN : 3]
             for one in persons:
                 platform.enter(item, one.id, 0.77, 1.0)
-            for start in range(0, LEARNERS, 15):
+            for start in range(0, LEARNERS, 10):
                 some = course.learners[start : start + 15]
                 course.answer([(one, "q2", "5 ms" if number(one) % 2 else "7 ms") for one in some])
             for one in course.learners[::3]:

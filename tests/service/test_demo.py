@@ -22,13 +22,14 @@ from grader.store import policies, submissions
 from grader.store.engine.database import Database
 from grader.store.submissions import NEEDS_REVIEW
 from grader.store.tables import Member, Result, Submission
+from support.content import PASSED
 
 LESSON = Settings().content
 NOW = datetime(2026, 11, 23, 15, 20, tzinfo=UTC)
 
 
 def plan(seed: int, learners: int = 30) -> list[PlannedAnswer]:
-    library, rng = load(LESSON), Random(seed)
+    library, rng = load(LESSON, passed=PASSED), Random(seed)
     return plan_answers(rng, library, draw_learners(rng, learners), build_pools(library), NOW)
 
 
@@ -52,7 +53,7 @@ def test_a_class_works_for_weeks_and_gets_things_wrong() -> None:
 
 
 def test_due_dates_lie_around_now() -> None:
-    due = choose_due_dates(list(load(LESSON).quizzes.values()), NOW)
+    due = choose_due_dates(list(load(LESSON, passed=PASSED).quizzes.values()), NOW)
     assert due["1.3-check"] < NOW < due["1.3-exercises"]
 
 
@@ -77,7 +78,9 @@ def test_the_verdicts_are_those_of_the_judge_and_nothing_is_mixed(tmp_path: Path
     assert len(names) == 3 and "instructor" in names
     one = next(row for row in scripts if row.outcome == Status.PARTIAL or row.outcome == Status.INCORRECT)
     with Graders(1, allow_t2=False) as graders:
-        again = graders.judge(load(LESSON), Script(one.quiz, one.question, json.loads(one.answer), one.seed))
+        again = graders.judge(
+            load(LESSON, passed=PASSED), Script(one.quiz, one.question, json.loads(one.answer), one.seed)
+        )
     kept = Verdict.model_validate(verdicts[one.id])
     assert (again.status, again.points, again.diagnosis) == (kept.status, kept.points, kept.diagnosis)
 

@@ -17,7 +17,6 @@ from grader.service.app import create_app
 from grader.settings import Settings
 from support.forked_commands import Forked, fork_command
 from support.servers import PLAIN, serving
-from support.sites import ROOT
 from support.tokens import issue_token
 
 START_S = 120.0
@@ -66,7 +65,6 @@ def settings_on(database_url: str | None, folder: Path, workers: int = 1, tries:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     return Settings(
-        content=ROOT,
         data=folder,
         database_url=database_url,
         port=port,

@@ -6,7 +6,7 @@ import shutil
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -74,6 +74,10 @@ class Chromium:
                 if self.mark.encode() in (folder / "cmdline").read_bytes().split(b"\0"):
                     os.kill(int(folder.name), signal.SIGKILL)
 
+    def close(self) -> None:
+        """Ends it; it may have been launched again since."""
+        self.browser.close()
+
     def new_context(self, **options: Any) -> BrowserContext:
         """Somebody's browser, with cookies of its own."""
         try:
@@ -105,15 +109,45 @@ def bounded(seconds: float = TEST_S) -> Iterator[None]:
     assert not late.is_set(), f"the browser hung: it was killed after {seconds:g} s"
 
 
+KEPT: list[Chromium] = []
+"""The browser that goes from one file of tests to the next: it and its driver take 0.7 s of CPU time to start."""
+
+DRIVERS = ExitStack()
+"""Ends the driver of that browser: it holds the event loop of this thread."""
+
+
+def start_kept_chromium() -> None:
+    """Lets each `chromium()` without options be this browser, until `end_kept_chromium`."""
+    if not KEPT:
+        KEPT.append(Chromium(DRIVERS.enter_context(sync_playwright()), ()))
+
+
+def end_kept_chromium() -> None:
+    """Closes the browser that is kept, and its driver."""
+    while KEPT:
+        KEPT.pop().close()
+    DRIVERS.close()
+
+
 @contextmanager
 def chromium(*more: str) -> Iterator[Chromium]:
-    """A browser; `more` are further options."""
-    with sync_playwright() as playwright:
-        found = Chromium(playwright, more)
-        try:
-            yield found
-        finally:
-            found.browser.close()
+    """A browser; `more` are further options. Contexts that are opened in it are closed at the end."""
+    with ExitStack() as stack:
+        if KEPT and not more:
+            found = KEPT[0]
+            stack.callback(close_contexts, found, list(found.browser.contexts))
+        else:
+            found = Chromium(KEPT[0].playwright if KEPT else stack.enter_context(sync_playwright()), more)
+            stack.callback(found.close)
+        yield found
+
+
+def close_contexts(browser: Chromium, before: list[BrowserContext]) -> None:
+    """Closes all contexts but those that were there before."""
+    for context in browser.browser.contexts:
+        if context not in before:
+            with suppress(Error):
+                context.close()
 
 
 LYING_ON_OTHERS = """picture => {
@@ -128,8 +162,9 @@ LYING_ON_OTHERS = """picture => {
 """The texts of a picture that leave its figure, or lie on another text or on a dot."""
 
 
-def findings(page: Page) -> list[tuple[str, list[str]]]:
+def findings(page: Page, *, contrast: bool = True) -> list[tuple[str, list[str]]]:
     """What axe-core finds, and what it cannot decide, but for contrast: test_style.py computes that of every colour.
+    To look for contrast takes three quarters of the time, and need not be repeated at another width.
 
     It cannot decide the contrast of text in a plot, which stands on the plot's own card, and of signs such as the arrow
     at a sorted column, which is hidden from readers and has the ink of its heading.
@@ -137,7 +172,8 @@ def findings(page: Page) -> list[tuple[str, list[str]]]:
     wanted = ["violations", "incomplete"]  # of the passes, which are most, axe then describes one element a rule
     if not page.evaluate("'axe' in window"):  # half a megabyte of script, which stays until the page is left
         page.evaluate(Axe().axe_script)
-    options = {"rules": {"region": {"enabled": True}}, "resultTypes": wanted}
+    rules = {"region": {"enabled": True}, "color-contrast": {"enabled": contrast}}
+    options = {"rules": rules, "resultTypes": wanted}
     found = page.evaluate("options => axe.run(options)", options)
     undecided = [one for one in found["incomplete"] if one["id"] != "color-contrast"]
     return [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in [*found["violations"], *undecided]]

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from web.browsing import Chromium, bounded, chromium
+from web.browsing import Chromium, bounded, chromium, start_kept_chromium
 
 
 @pytest.fixture(autouse=True)
@@ -16,6 +16,7 @@ def limit() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Chromium]:
-    """A browser for the tests of one file."""
+    """A browser for the tests of one file, whose process stays for the next file."""
+    start_kept_chromium()
     with chromium() as browser:
         yield browser

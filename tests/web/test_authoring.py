@@ -130,8 +130,9 @@ def film(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def author(tmp_path: Path, film: Path, browser: Chromium) -> Iterator[Author]:
+def author(tmp_path: Path, film: Path, browser: Chromium, monkeypatch: pytest.MonkeyPatch) -> Iterator[Author]:
     """An author who has made a lesson by `grader new lesson`, and opened the desk."""
+    monkeypatch.setattr("grader.web.author.pages.WAIT_S", 2.0)  # the server ends when the last request has
     root = tmp_path / "course"
     scaffold.begin_quiz(root, QUIZ, "Pendulums")
     shutil.copytree(ROOT / "models", root / "models")

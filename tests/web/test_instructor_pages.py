@@ -26,7 +26,7 @@ from grader.settings import Settings
 from grader.web.instructor import certificates, extensions
 from grader.web.instructor.statistics_plots import plot_estimates
 from grader.web.text.certificates import word_key
-from support.content import load_content
+from support.content import PASSED, load_content
 from support.sites import ROOT, Site, open_site, write_content
 
 API = "/api/v1"
@@ -503,7 +503,7 @@ def test_the_chance_of_luck_is_computed_once_when_it_is_asked_for(monkeypatch: p
 
     monkeypatch.setattr(keys, "estimate_luck", luck)
     monkeypatch.setattr(certificates, "lucks", certificates.Lucks())
-    library = load(Settings().content)
+    library = load(Settings().content, passed=PASSED)
 
     def exercises(with_luck: bool = False) -> dict[str, Any]:
         rows = certificates.list_certificates(library, with_luck=with_luck)
@@ -526,7 +526,7 @@ def test_a_kind_that_cannot_tell_the_chance_of_luck_leaves_the_page_whole(monkey
 
     monkeypatch.setattr(type(load_kinds()["threshold"]), "list_accepted", fail)
     monkeypatch.setattr(certificates, "lucks", certificates.Lucks())
-    rows = certificates.list_certificates(load(Settings().content), with_luck=True)
+    rows = certificates.list_certificates(load(Settings().content, passed=PASSED), with_luck=True)
     (row,) = (row for row in rows if row["question"] == "servo-threshold")
     assert row["state"] == "cannot be computed"
     assert row["why"].startswith("the kind fails: ZeroDivisionError: no width")

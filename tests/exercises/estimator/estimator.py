@@ -180,9 +180,10 @@ def record(
     positions = np.empty((count, samples))
     for row in positions:
         data = mujoco.MjData(model)
-        data.qpos[0] = rng.uniform(*parameters.start)
+        position = data.qpos
+        position[0] = rng.uniform(*parameters.start)
         for i in range(samples):
-            row[i] = data.qpos[0]
+            row[i] = position[0]
             mujoco.mj_step(model, data, steps)
     positions += rng.normal(0, parameters.noise, positions.shape)
     return np.arange(samples) * steps * model.opt.timestep, positions

@@ -12,7 +12,7 @@ def residual(p, t, x):
 
 
 def fit(t, x):
-    sizes = [(np.sum(residual((r, w), t, x) ** 2), r, w) for r in (0.2, 0.5, 1.0, 1.5) for w in np.linspace(3, 16, 80)]
+    sizes = [(np.sum(residual((r, w), t, x) ** 2), r, w) for r in (0.2, 0.5, 1.0, 1.5) for w in np.linspace(3, 16, 40)]
     p = np.array(min(sizes)[1:])
     for _ in range(8):
         r = residual(p, t, x)
