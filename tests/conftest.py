@@ -98,10 +98,8 @@ def write_first_lesson(folder: Path) -> str:
 @pytest.fixture(scope="module", autouse=True)
 def spare_graders(request: pytest.FixtureRequest) -> Iterator[None]:
     """Lets the servers of a file take over grading processes; ends those that are left, and the jail
-    of authors' programs, where processes are counted. Ends the browser of tests of pages."""
+    of authors' programs, where processes are counted."""
     module = sys.modules.get("support.spare_graders")
-    if request.path.parent.name != "web":
-        end_browser()
     if request.path.relative_to(HERE).parts[0] in KEEP_GRADERS:
         from support.spare_graders import keeping_spares
 
@@ -115,14 +113,7 @@ def spare_graders(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
 
 
-def end_browser() -> None:
-    """Ends the browser that the tests of pages share, if there is one."""
-    if (module := sys.modules.get("web.browsing")) is not None:
-        module.end_kept_chromium()
-
-
 def pytest_sessionfinish() -> None:
-    end_browser()
     if (module := sys.modules.get("support.spare_graders")) is not None:
         module.end_spares()
 

@@ -32,7 +32,7 @@ QUIZ = "3.1-exercises"
 PROGRAMS = sorted((ROOT / "reference_solutions" / QUIZ).glob("*/*.py"))
 CHEATS = sorted((Path(__file__).parent / "controller_cheats").glob("*.py"))
 SEED = 7
-LIMITS = Limits(cpu_s=3, wall_s=40)
+LIMITS = Limits(cpu_s=4, wall_s=40)
 """Programs that hang end soon; the others use a second at most."""
 
 

@@ -6,7 +6,7 @@ import shutil
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -74,10 +74,6 @@ class Chromium:
                 if self.mark.encode() in (folder / "cmdline").read_bytes().split(b"\0"):
                     os.kill(int(folder.name), signal.SIGKILL)
 
-    def close(self) -> None:
-        """Ends it; it may have been launched again since."""
-        self.browser.close()
-
     def new_context(self, **options: Any) -> BrowserContext:
         """Somebody's browser, with cookies of its own."""
         try:
@@ -109,45 +105,15 @@ def bounded(seconds: float = TEST_S) -> Iterator[None]:
     assert not late.is_set(), f"the browser hung: it was killed after {seconds:g} s"
 
 
-KEPT: list[Chromium] = []
-"""The browser that goes from one file of tests to the next: it and its driver take 0.7 s of CPU time to start."""
-
-DRIVERS = ExitStack()
-"""Ends the driver of that browser: it holds the event loop of this thread."""
-
-
-def start_kept_chromium() -> None:
-    """Lets each `chromium()` without options be this browser, until `end_kept_chromium`."""
-    if not KEPT:
-        KEPT.append(Chromium(DRIVERS.enter_context(sync_playwright()), ()))
-
-
-def end_kept_chromium() -> None:
-    """Closes the browser that is kept, and its driver."""
-    while KEPT:
-        KEPT.pop().close()
-    DRIVERS.close()
-
-
 @contextmanager
 def chromium(*more: str) -> Iterator[Chromium]:
-    """A browser; `more` are further options. Contexts that are opened in it are closed at the end."""
-    with ExitStack() as stack:
-        if KEPT and not more:
-            found = KEPT[0]
-            stack.callback(close_contexts, found, list(found.browser.contexts))
-        else:
-            found = Chromium(KEPT[0].playwright if KEPT else stack.enter_context(sync_playwright()), more)
-            stack.callback(found.close)
-        yield found
-
-
-def close_contexts(browser: Chromium, before: list[BrowserContext]) -> None:
-    """Closes all contexts but those that were there before."""
-    for context in browser.browser.contexts:
-        if context not in before:
-            with suppress(Error):
-                context.close()
+    """A browser; `more` are further options."""
+    with sync_playwright() as playwright:
+        found = Chromium(playwright, more)
+        try:
+            yield found
+        finally:
+            found.browser.close()
 
 
 LYING_ON_OTHERS = """picture => {

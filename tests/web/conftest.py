@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from web.browsing import Chromium, bounded, chromium, start_kept_chromium
+from web.browsing import Chromium, bounded, chromium
 
 
 @pytest.fixture(autouse=True)
@@ -16,7 +16,6 @@ def limit() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Chromium]:
-    """A browser for the tests of one file, whose process stays for the next file."""
-    start_kept_chromium()
+    """A browser for the tests of one file."""
     with chromium() as browser:
         yield browser
