@@ -20,25 +20,32 @@ def settle(question: Question, numbers: Mapping[str, float], model_xml: ModelXml
     """Returns a question with these numbers, and the key that simulation derives for them. Raises NoKey, also where the
     key is not known to a share of its tolerance."""
     drawable = cast(Drawable, question)
-    posed = cast(Question, drawable.with_numbers(numbers))
-    answers: dict[str, float] = {}
-    certificates: dict[str, Certificate] = {}
+
+    def pose(found: Mapping[str, Certificate]) -> Question:
+        answers = {place: one.answer for place, one in found.items() if one.answer is not None}
+        return cast(Question, drawable.with_numbers(numbers, answers))
+
+    found: dict[str, Certificate] = {}
+    posed = pose(found)
     for key in kind_of(posed).answer_keys(posed):
-        certificate = certify_key(key, model_xml)
-        if certificate is None or certificate.answer is None:
-            why = "no verify says how" if certificate is None else certificate.why
-            raise NoKey(f"the key for {describe(numbers)} cannot be derived: {why}")
-        answers[key.place], certificates[key.place] = certificate.answer, certificate
-    settled = cast(Question, drawable.with_numbers(numbers, answers))
+        found[key.place] = derive(key, numbers, model_xml)
+    settled = pose(found)
     for key in kind_of(settled).answer_keys(settled):
-        if not is_known(certificates[key.place], key):  # to the tolerance of the question as loaded, which may be wider
-            certificate = certify_key(key, model_xml)
-            if certificate is None or certificate.answer is None or not certificate.is_publishable:
-                why = "" if certificate is None else certificate.why
-                raise NoKey(f"the key for {describe(numbers)} cannot be derived: {why}")
-            answers[key.place] = certificate.answer
-            settled = cast(Question, drawable.with_numbers(numbers, answers))
-    return settled
+        if not is_known(found[key.place], key):  # to the tolerance of the question as loaded, which may be wider
+            found[key.place] = derive(key, numbers, model_xml, for_publication=True)
+    return pose(found)
+
+
+def derive(
+    key: AnswerKey, numbers: Mapping[str, float], model_xml: ModelXml, *, for_publication: bool = False
+) -> Certificate:
+    """Returns the certificate with the answer of a key, one that holds to its tolerance `for_publication`. Raises
+    NoKey."""
+    certificate = certify_key(key, model_xml)
+    if certificate is None or certificate.answer is None or (for_publication and not certificate.is_publishable):
+        why = "no verify says how" if certificate is None else certificate.why
+        raise NoKey(f"the key for {describe(numbers)} cannot be derived: {why}")
+    return certificate
 
 
 def is_known(certificate: Certificate, key: AnswerKey) -> bool:

@@ -15,7 +15,7 @@ from grader.domain.verify import ByExpression, ByMeasurement
 from grader.errors import InvalidAnswer
 from grader.experiments.limits import UNCERTAINTY_SHARE, Measure, describe_noise, find_limit
 from grader.experiments.quantities import measure as measure_quantity
-from grader.experiments.regime import Regime, Unresolved, describe_reset
+from grader.experiments.regime import Regime, Unresolved, describe_reset, explain_window
 from grader.experiments.runs import (
     NUDGED,
     SAME,
@@ -43,8 +43,7 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
         controller=verify.controller,
         readouts=(Readout(label="value", expr=verify.expr),),
     )
-    if verify.until is not None and verify.until > verify.seconds:
-        why = f"the run ends after {verify.seconds:g} s: write more `seconds`, or an earlier `until`"
+    if why := explain_window(verify.until, verify.seconds):
         return refuse("measurement", key.answer, why, key="verify.until", failed="window")
     xml = read_xml(verify.model, verify.xml, model_xml)
     keys = {part: f"verify.{part}" for part in ("setup", "controller", "key")} | {"readouts": "verify.expr"}

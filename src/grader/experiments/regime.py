@@ -84,6 +84,13 @@ class Regime:
         }
 
 
+def explain_window(until: float | None, seconds: float) -> str | None:
+    """Returns why a window cannot end at `until` [s], in a run of so many seconds; None where it can."""
+    if until is None or until <= seconds:
+        return None
+    return f"the run ends after {seconds:g} s: write more `seconds`, or an earlier `until`"
+
+
 def describe_reset(run: LabRun) -> str:
     """Says why a run in which MuJoCo warned cannot be read to its end."""
     first = run.warnings[0]

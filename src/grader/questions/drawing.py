@@ -109,8 +109,8 @@ def fill_in_middle(raw: Any) -> Any:
 
 
 def list_unknown_names(question: BaseModel) -> Iterator[tuple[str, str]]:
-    """Yields key and name of what stands in braces in the texts of a drawn question, and is no number of it: learners
-    would read it as it stands. Formulas and code have braces of their own."""
+    """Yields the names in braces that `draw` does not have, each with the key of its text: learners would read them as
+    they stand. Formulas and code have braces of their own."""
     if not isinstance(question, Drawable) or not question.draw:
         return
     raw = json.loads(question.template)

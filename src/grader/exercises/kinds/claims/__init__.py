@@ -24,7 +24,7 @@ from grader.exercises.kinds.claims.parameters import (
 from grader.exercises.kinds.claims.pictures import build_evidence
 from grader.exercises.kinds.claims.placing import place_claims
 from grader.exercises.parameters import WrongParameter
-from grader.experiments.regime import Unresolved
+from grader.experiments.regime import Unresolved, explain_window
 from grader.questions.kinds.script import ScriptQuestion
 
 
@@ -49,12 +49,11 @@ class Claims(Kind[ClaimsParameters, Problem, Outcome]):
         its unit, or is about more than its run."""
         from grader.exercises.kinds.claims.units import explain_unit_of_claim  # it parses; a verdict needs none of it
 
+        model = compile_text(trial.problem.xml)
         for index, claim in enumerate(trial.problem.claims):
-            if why := explain_unit_of_claim(claim, compile_text(trial.problem.xml)):
+            if why := explain_unit_of_claim(claim, model):
                 raise WrongParameter(f"claims.{index}.unit", why)
-            seconds = claim.seconds or trial.problem.seconds
-            if claim.until is not None and claim.until > seconds:
-                why = f"the run ends after {seconds:g} s: write more `seconds`, or an earlier `until`"
+            if why := explain_window(claim.until, claim.seconds or trial.problem.seconds):
                 raise WrongParameter(f"claims.{index}.until", why)
         for measured in measure_claims(trial.problem):
             if measured.trouble is not None:

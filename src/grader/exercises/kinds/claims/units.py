@@ -1,6 +1,7 @@
 """Compares the unit of a claim with what is measured: a period is measured in seconds, and is no number of
 milliseconds until `scale` makes it one."""
 
+from contextlib import suppress
 from math import isclose, tau
 
 import mujoco
@@ -26,12 +27,13 @@ def explain_unit_of_claim(claim: Claim, model: mujoco.MjModel) -> str | None:
 
 def explain_moments(claim: Claim, base: str) -> str | None:
     """Returns why a quantity that is read from moments is not in the unit of its claim."""
-    unit, factors = read_unit(claim.unit), list[float]()
-    for size, name in ((1.0, base), *[(tau, "rad/s")] * (claim.quantity == "frequency")):
-        try:
-            factors.append(convert(size, read_unit(name), unit))
-        except InvalidAnswer:
-            continue
+    measured = [(1.0, base)]
+    if claim.quantity == "frequency":
+        measured.append((tau, "rad/s"))
+    factors = list[float]()
+    for size, name in measured:
+        with suppress(InvalidAnswer):
+            factors.append(convert(size, read_unit(name), read_unit(claim.unit)))
     what = f"the {claim.quantity.replace('_', ' ')} is measured in {base}"
     if not factors:
         return f"{what}, and {claim.unit} measures something else: write another unit"

@@ -22,7 +22,7 @@ FACTORS = frozenset((0.5, 1.0, 2.0, 3.0, 4.0, 60.0, 180.0, 360.0))
 
 
 @dataclass(frozen=True)
-class Quantity:
+class Dimension:
     """Powers of metre, kilogram and second, and the size of the unit in them; None where a factor leaves it open. An
     angle has no dimension; `name` is the unit as the author would write it."""
 
@@ -31,16 +31,16 @@ class Quantity:
     name: str = ""
 
 
-NUMBER = Quantity((0, 0, 0), None)
-RAD, DEG = Quantity((0, 0, 0), 1.0, "rad"), Quantity((0, 0, 0), pi / 180, "deg")
-M, KG, S = Quantity((1, 0, 0), 1.0, "m"), Quantity((0, 1, 0), 1.0, "kg"), Quantity((0, 0, 1), 1.0, "s")
-SPEED, TURNING = Quantity((1, 0, -1), 1.0, "m/s"), Quantity((0, 0, -1), 1.0, "rad/s")
-ACCELERATION, SPIN = Quantity((1, 0, -2), 1.0, "m/s²"), Quantity((0, 0, -2), 1.0, "rad/s²")
-N, J = Quantity((1, 1, -2), 1.0, "N"), Quantity((2, 1, -2), 1.0, "J")
+NUMBER = Dimension((0, 0, 0), None)
+RAD, DEG = Dimension((0, 0, 0), 1.0, "rad"), Dimension((0, 0, 0), pi / 180, "deg")
+M, KG, S = Dimension((1, 0, 0), 1.0, "m"), Dimension((0, 1, 0), 1.0, "kg"), Dimension((0, 0, 1), 1.0, "s")
+SPEED, TURNING = Dimension((1, 0, -1), 1.0, "m/s"), Dimension((0, 0, -1), 1.0, "rad/s")
+ACCELERATION, SPIN = Dimension((1, 0, -2), 1.0, "m/s²"), Dimension((0, 0, -2), 1.0, "rad/s²")
+N, J = Dimension((1, 1, -2), 1.0, "N"), Dimension((2, 1, -2), 1.0, "J")
 
 FIELDS = {
     "data.time": S, "model.opt.timestep": S, "model.opt.gravity": ACCELERATION, "model.body_mass": KG,
-    "model.body_subtreemass": KG, "model.body_inertia": Quantity((2, 1, 0), 1.0, "kg m²"), "data.energy": J,
+    "model.body_subtreemass": KG, "model.body_inertia": Dimension((2, 1, 0), 1.0, "kg m²"), "data.energy": J,
     **dict.fromkeys(("data.xpos", "data.xipos", "data.geom_xpos", "data.site_xpos", "data.subtree_com"), M),
     **dict.fromkeys(("model.body_pos", "model.body_ipos", "model.geom_size", "model.geom_pos", "model.site_pos"), M),
     "lib.energy().total": J, "lib.energy().kinetic": J, "lib.energy().potential": J,
@@ -59,8 +59,8 @@ JOINTS = {
     "data.qpos": (M, RAD), "model.qpos0": (M, RAD), "lib.qpos": (M, RAD),
     "data.qvel": (SPEED, TURNING), "lib.qvel": (SPEED, TURNING),
     "data.qacc": (ACCELERATION, SPIN), "data.qacc_smooth": (ACCELERATION, SPIN),
-    "model.jnt_stiffness": (Quantity((0, 1, -2), 1.0, "N/m"), Quantity((2, 1, -2), 1.0, "N m/rad")),
-    "model.dof_damping": (Quantity((0, 1, -1), 1.0, "N s/m"), Quantity((2, 1, -1), 1.0, "N m s/rad")),
+    "model.jnt_stiffness": (Dimension((0, 1, -2), 1.0, "N/m"), Dimension((2, 1, -2), 1.0, "N m/rad")),
+    "model.dof_damping": (Dimension((0, 1, -1), 1.0, "N s/m"), Dimension((2, 1, -1), 1.0, "N m s/rad")),
 }  # fmt: skip
 """What fields of joints hold: of a slide, and of a hinge."""
 
@@ -87,7 +87,7 @@ def counts_turns(text: str) -> bool:
     return unit is not None and unit.rotation in (Rotation.CYCLES, Rotation.TURNS)
 
 
-def read_dimension(text: str, model: mujoco.MjModel) -> Quantity | None:
+def read_dimension(text: str, model: mujoco.MjModel) -> Dimension | None:
     """Returns what an expression measures; None where it is not known, as that of a bare number."""
     try:
         measured = _read(syntax.Source(text, "expression").tree(), model)
@@ -96,7 +96,7 @@ def read_dimension(text: str, model: mujoco.MjModel) -> Quantity | None:
     return None if measured == NUMBER else measured
 
 
-def read_unit(text: str) -> Quantity | None:
+def read_unit(text: str) -> Dimension | None:
     """Returns the powers and the size of a unit; None for one that holds more than metre, kilogram and second."""
     unit = known_unit(text)
     if unit is None:
@@ -113,7 +113,7 @@ def read_unit(text: str) -> Quantity | None:
         *own, factor = BASES[name]
         powers = [sum_ + power * one for sum_, one in zip(powers, own, strict=True)]
         size *= factor**power
-    return Quantity((powers[0], powers[1], powers[2]), None if counts_turns(text) else size, text)
+    return Dimension((powers[0], powers[1], powers[2]), None if counts_turns(text) else size, text)
 
 
 def _spell(powers: tuple[float, ...]) -> str:
@@ -122,7 +122,7 @@ def _spell(powers: tuple[float, ...]) -> str:
     return " ".join(named) or "no unit of length, mass or time"
 
 
-def _read(node: Node, model: mujoco.MjModel) -> Quantity | None:
+def _read(node: Node, model: mujoco.MjModel) -> Dimension | None:
     """Returns what a node of an expression measures, or None."""
     parts = syntax.list_parts(node)
     match node.type:
@@ -139,11 +139,11 @@ def _read(node: Node, model: mujoco.MjModel) -> Quantity | None:
     return None
 
 
-def _read_number(value: float) -> Quantity | None:
+def _read_number(value: float) -> Dimension | None:
     return NUMBER if value in FACTORS or (value > 0 and log10(value).is_integer()) else None
 
 
-def _combine(operator: str, left: Node, right: Node, model: mujoco.MjModel) -> Quantity | None:
+def _combine(operator: str, left: Node, right: Node, model: mujoco.MjModel) -> Dimension | None:
     """Returns what a sum, a product or a power measures."""
     if operator == "**" and right.type == "number":
         return _raise(_read(left, model), syntax.read_number(right))
@@ -157,17 +157,17 @@ def _combine(operator: str, left: Node, right: Node, model: mujoco.MjModel) -> Q
     sign = 1 if operator == "*" else -1
     size = None if a.size is None or b.size is None else a.size * b.size**sign
     x, y, z = (p + sign * q for p, q in zip(a.powers, b.powers, strict=True))
-    return Quantity((x, y, z), size, a.name if b == NUMBER else "")
+    return Dimension((x, y, z), size, a.name if b == NUMBER else "")
 
 
-def _raise(base: Quantity | None, exponent: float) -> Quantity | None:
+def _raise(base: Dimension | None, exponent: float) -> Dimension | None:
     if base is None:
         return None
     x, y, z = (exponent * power for power in base.powers)
-    return Quantity((x, y, z), None if base.size is None else base.size**exponent)
+    return Dimension((x, y, z), None if base.size is None else base.size**exponent)
 
 
-def _read_call(node: Node, model: mujoco.MjModel) -> Quantity | None:
+def _read_call(node: Node, model: mujoco.MjModel) -> Dimension | None:
     name = syntax.read_text(syntax.get_field(node, "function"))
     arguments = syntax.list_parts(syntax.get_field(node, "arguments"))
     if name in CALLS:
@@ -181,7 +181,7 @@ def _read_call(node: Node, model: mujoco.MjModel) -> Quantity | None:
     return read[0] if name in SAME and read and all(one == read[0] for one in read) else None
 
 
-def _read_field(node: Node, model: mujoco.MjModel) -> Quantity | None:
+def _read_field(node: Node, model: mujoco.MjModel) -> Dimension | None:
     """Returns what a field or an element of one holds."""
     text = syntax.read_text(node).replace(" ", "")
     if node.type == "member_expression":
@@ -195,7 +195,7 @@ def _read_field(node: Node, model: mujoco.MjModel) -> Quantity | None:
     return _read_element(path, syntax.read_number(index), model) if index.type == "number" else None
 
 
-def _read_element(path: str, at: float, model: mujoco.MjModel) -> Quantity | None:
+def _read_element(path: str, at: float, model: mujoco.MjModel) -> Dimension | None:
     """Returns what an element of a field of joints holds."""
     joints = range(model.njnt)
     if path == "model.actuator_gainprm":
@@ -208,7 +208,7 @@ def _read_element(path: str, at: float, model: mujoco.MjModel) -> Quantity | Non
     return _read_loose_element(path, int(at), model) if single is None and path != "model.jnt_stiffness" else single
 
 
-def _read_loose_element(path: str, at: int, model: mujoco.MjModel) -> Quantity | None:
+def _read_loose_element(path: str, at: int, model: mujoco.MjModel) -> Dimension | None:
     """Returns what an element of a free joint, or of the velocity of a ball joint, holds: places and speeds come first.
     Elements of a quaternion are known as none."""
     in_space, turning = JOINTS[path]
@@ -225,7 +225,7 @@ def _read_loose_element(path: str, at: int, model: mujoco.MjModel) -> Quantity |
     return None
 
 
-def _read_stiffness(model: mujoco.MjModel, index: int) -> Quantity | None:
+def _read_stiffness(model: mujoco.MjModel, index: int) -> Dimension | None:
     """Returns what the first gain of a position servo is: the stiffness that its joint feels."""
     actuator, number = divmod(index, mujoco.mjNGAIN)
     if number or actuator >= model.nu or model.actuator_biasprm[actuator, 1] != -model.actuator_gainprm[actuator, 0]:
@@ -235,6 +235,6 @@ def _read_stiffness(model: mujoco.MjModel, index: int) -> Quantity | None:
     return _of_joint("model.jnt_stiffness", int(model.jnt_type[joint])) if at_joint else None
 
 
-def _of_joint(path: str, type_: int) -> Quantity | None:
+def _of_joint(path: str, type_: int) -> Dimension | None:
     slide, hinge = JOINTS[path]
     return {int(mujoco.mjtJoint.mjJNT_SLIDE): slide, int(mujoco.mjtJoint.mjJNT_HINGE): hinge}.get(type_)
