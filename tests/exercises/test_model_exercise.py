@@ -76,6 +76,10 @@ HOSTILE = {
         "<geom size='.1' contype='0' conaffinity='0'/></body></replicate>",
         "<option integrator='RK4' wind='1 0 0' density='1000'/><size memory='50M'/>",
     ),
+    "a million geoms": put_in(
+        "<replicate count='1000' offset='1 0 0'><replicate count='1000' offset='0 1 0'><geom size='.1'/></replicate>"
+        "</replicate>"
+    ),
     "a cloth of a million points": put_in(
         "<flexcomp type='grid' count='1000 1000 1' spacing='.1 .1 .1' name='cloth' dim='2' mass='1'/>"
     ),

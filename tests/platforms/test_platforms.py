@@ -135,7 +135,7 @@ def test_every_final_grade_is_right_and_nothing_is_lost_or_sent_twice(
             for one in persons:
                 platform.enter(item, one.id, 0.77, 1.0)
             for start in range(0, LEARNERS, 10):
-                some = course.learners[start : start + 15]
+                some = course.learners[start : start + 10]
                 course.answer([(one, "q2", "5 ms" if number(one) % 2 else "7 ms") for one in some])
             for one in course.learners[::3]:
                 course.review(one, 0.5)

@@ -8,7 +8,7 @@ import mujoco
 
 from grader.certify.proposals.scenes import Shown
 from grader.errors import InvalidAnswer
-from grader.questions.kinds.number.dimensions import read_dimension, read_unit
+from grader.questions.kinds.number.dimensions import find_unit_dimension, read_dimension
 from grader.questions.kinds.number.units import convert, known_unit
 
 
@@ -25,7 +25,7 @@ class Fitted:
 
 def fit_unit(shown: Shown, model: mujoco.MjModel, unit: str | None) -> Fitted | None:
     """Returns an expression in a unit; None where it measures something else."""
-    wanted, measured = read_unit(unit or ""), read_dimension(shown.expr, model)
+    wanted, measured = find_unit_dimension(unit or ""), read_dimension(shown.expr, model)
     if not unit or known_unit(unit) is None:
         return Fitted(shown.expr, shown, 1.0, is_certain=False)
     if measured is None:

@@ -67,7 +67,7 @@ JOINTS = {
 
 def explain_unit(text: str, model: mujoco.MjModel, unit: str) -> str | None:
     """Returns why the value of an expression is not in the unit of its question; None where it is, or is not known."""
-    wanted, measured = read_unit(unit), read_dimension(text, model)
+    wanted, measured = find_unit_dimension(unit), read_dimension(text, model)
     if wanted is None or measured is None:
         return None
     if any(not isclose(a, b, abs_tol=1e-9) for a, b in zip(measured.powers, wanted.powers, strict=True)):
@@ -96,7 +96,7 @@ def read_dimension(text: str, model: mujoco.MjModel) -> Dimension | None:
     return None if measured == NUMBER else measured
 
 
-def read_unit(text: str) -> Dimension | None:
+def find_unit_dimension(text: str) -> Dimension | None:
     """Returns the powers and the size of a unit; None for one that holds more than metre, kilogram and second."""
     unit = known_unit(text)
     if unit is None:
