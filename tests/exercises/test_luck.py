@@ -9,7 +9,7 @@ import pytest
 
 from exercises.conftest import model_xml, question, with_check
 from grader.domain.misread import without_remarks
-from grader.exercises import Case, Trial, compute_chance_of_luck, load_kinds
+from grader.exercises import Case, Trial, compute_chance_of_luck, load_kinds, luck
 from grader.exercises.episodes.goals import bound_success
 from grader.exercises.kind import Content
 from grader.exercises.kinds.threshold.parameters import ThresholdParameters
@@ -66,8 +66,8 @@ def test_a_fixed_trajectory_has_no_chance_against_the_hidden_force() -> None:
 
 def test_narrow_ranges_are_refused_unless_the_author_raises_the_limit() -> None:
     cases = [{"id": "a", "hidden": True, "set": {"kp": [1700, 1900], "kv": [3, 5]}}]
-    for luck, faults in ((1e-6, 1), (1.0, 0)):
-        exercise = with_check(SERVO, cases=cases, integrators=["Euler"], luck=luck)
+    for allowed, faults in ((1e-6, 1), (1.0, 0)):
+        exercise = with_check(SERVO, cases=cases, integrators=["Euler"], luck=allowed)
         quiz = Quiz(id="q", title="Q", questions=(exercise,))
         models = {"pendulum_servo": model_xml("pendulum_servo")}
         library = Library(root=None, quizzes={"q": quiz}, files={"q": "quizzes/q.json"}, models=models)  # type: ignore[arg-type]
@@ -79,6 +79,22 @@ def test_narrow_ranges_are_refused_unless_the_author_raises_the_limit() -> None:
 def test_an_exercise_that_draws_nothing_can_be_known_by_heart() -> None:
     cases = [{"id": "a", "hidden": True, "set": {"kp": 1700}}]
     assert compute_chance_of_luck(with_check(SERVO, cases=cases), model_xml)[0] == 1.0
+
+
+@pytest.mark.parametrize(("allowed", "chance", "drawn"), [(0.02, 0.1**2, [0]), (1e-6, 0.1 * 0.05, [0, 1])])
+def test_a_case_that_differs_in_labels_alone_is_drawn_only_where_it_matters(
+    allowed: float, chance: float, drawn: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[int] = []
+
+    def compute(kind: Any, parameters: Any, case: Case, content: Any, index: int) -> float:
+        seen.append(index)
+        return (0.1, 0.05)[index]
+
+    monkeypatch.setattr(luck, "compute_chance_of_case", compute)
+    cases = [{"id": name, "title": name, "hidden": True, "points": 2, "set": {"kp": [1700, 1900]}} for name in "ab"]
+    assert compute_chance_of_luck(with_check(SERVO, cases=cases, luck=allowed), model_xml) == (chance, allowed)
+    assert seen == drawn
 
 
 PARAMETERS = ThresholdParameters.model_validate(without_remarks(SERVO.check.parameters))

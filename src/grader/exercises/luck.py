@@ -49,22 +49,32 @@ def compute_chance_of_luck(
 ) -> tuple[float, float]:
     """Returns a bound of the chance that the best fixed answer is right in every case, and the largest chance allowed.
     Cases are drawn independently of each other, so their chances multiply. A case that cannot be judged by intervals,
-    or draws nothing, counts as 1. The cases after the product is small enough are not drawn. Raises PluginError where
-    the kind fails, WrongInCase for a draw that cannot be posed, and JailFault."""
+    or draws nothing, counts as 1. The cases after the product is small enough are not drawn, nor are those that draw as
+    the last one does, where its chance is small enough for all of them. Raises PluginError where the kind fails,
+    WrongInCase for a draw that cannot be posed, and JailFault."""
     assert isinstance(question, ScriptQuestion)
     kind = load_kinds()[question.check.kind]
     parameters = read_parameters(kind, question)
     content = Content(question.entry, model_xml, text_of)
-    chance = 1.0
+    chance, left = 1.0, list(enumerate(parameters.cases))
     try:
-        for index, case in enumerate(parameters.cases):
-            if chance > parameters.luck:
-                chance *= compute_chance_of_case(kind, parameters, case, content, index)
+        while left and chance > parameters.luck:
+            index, case = left.pop(0)
+            one = compute_chance_of_case(kind, parameters, case, content, index)
+            chance *= one
+            others = one ** sum(describe_draws(other) == describe_draws(case) for _, other in left)
+            if chance * others <= parameters.luck:
+                return chance * others, parameters.luck
     except (WrongInCase, GraderError):
         raise
     except Exception as error:  # code of another package: anything may be raised
         raise PluginError(f"the kind fails: {describe_error(error, type(kind).__module__)}") from error
     return chance, parameters.luck
+
+
+def describe_draws(case: Case) -> str:
+    """Returns the case without what changes neither its draws nor what is accepted."""
+    return case.model_dump_json(exclude={"id", "title", "hidden", "points", "hint"})
 
 
 def compute_chance_of_case(

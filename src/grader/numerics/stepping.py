@@ -21,6 +21,9 @@ GROWTH = 4
 
 CHUNK_MAX = 512
 
+RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+"""A plain number: to compare one with the enumeration takes as long as a step of a small model."""
+
 STEPS_MAX = 20_000_000
 """Most steps of one run, about 10 s of computing for the servo."""
 
@@ -116,7 +119,7 @@ def derives_last_stage(model: mujoco.MjModel) -> bool:
 
     Every other integrator leaves those of the state at which the step began.
     """
-    return bool(model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4)
+    return bool(model.opt.integrator == RK4)
 
 
 def derive_copy(model: mujoco.MjModel, data: mujoco.MjData, copy: mujoco.MjData) -> None:
