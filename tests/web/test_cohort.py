@@ -352,6 +352,9 @@ def test_too_few_learners_are_not_shown_to_each_other(browser: Chromium, origin:
         patch.setattr("grader.web.cohort.learner_page.LEARNERS_MIN", 100)
         page.goto(f"{STUDENTS}/class")
     expect(page.get_by_role("heading", level=1)).to_have_text("Too few have answered yet")
+    expect(page.locator("main")).to_contain_text(
+        re.compile(r"once 100 learners have an answer that can be drawn, .* So far \d+ have one\.")
+    )
     assert page.locator("svg.class-plot").count() == 0
 
 

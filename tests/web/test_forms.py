@@ -156,6 +156,13 @@ def test_an_answer_of_an_expired_session_is_given_back(browser: httpx.Client) ->
     assert "A long text &lt;b&gt;" in response.text
 
 
+def test_a_form_of_an_expired_session_is_not_said_to_be_kept(browser: httpx.Client) -> None:
+    page = browser.post("/instructor/dates", data={"quiz": "1.3-check", "attempts": "2"})
+    assert page.status_code == 401
+    assert "Nothing was taken. Sign in in another tab, then go back here and send it again." in page.text
+    assert "is kept" not in page.text
+
+
 def test_an_answer_typed_by_another_learner_of_the_browser_is_not_taken(browser: httpx.Client) -> None:
     send(browser, "1.3-check/q1", "1")
     response = send(browser, "1.3-check/q4", "Mine.", learner="someone-else")

@@ -73,6 +73,10 @@ def test_the_advice_is_what_follows_the_fault() -> None:
     assert find_advice("NameError: name 'x' is not defined.") == "NameError: name 'x' is not defined."
     assert find_advice("SyntaxError: expected ':' (line 3: def f(model))") == "SyntaxError: expected ':'"
     assert find_advice("ValueError: no, in line 14 of your script (do this).") == "ValueError: no (do this)."
+    missing = "NameError: name 'np' is not defined{} (add the line: import numpy as np)."
+    assert find_advice(missing.format(", in line 3 of your script")) == missing.format("")
+    whole = "TypeError: no (the lengths of arrays are whole numbers: int(round(x)) makes one)."
+    assert find_advice(whole) == whole
     two = "Two things are wrong. First: Your k1 is late. Call it first. Second: Your sum is 2."
     assert find_advice(two) == "Your k1 is late. Call it first."
     assert find_advice(f"{two} Apart from that: data.time stands.") == "Your k1 is late. Call it first."

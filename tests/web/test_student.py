@@ -122,6 +122,25 @@ def test_the_same_answer_again_uses_no_attempt_and_the_best_one_is_told(visit: V
     expect(rail).to_contain_text("Correct")
 
 
+@pytest.mark.parametrize("question", ["q2", "q4"])
+def test_a_verdict_that_arrives_while_one_types_leaves_the_caret_where_it_is(visit: Visit, question: str) -> None:
+    card, typed = visit.card("1.3-check", "q2"), visit.card("1.3-check", question)
+    travelling: list[Route] = []
+
+    def hold(route: Route) -> None:
+        travelling.append(route)
+
+    visit.page.route("**/quizzes/1.3-check/q2", hold)
+    card.get_by_role("textbox").fill("7 ms")
+    card.get_by_role("button").click()
+    typed.get_by_role("textbox").fill("0.")
+    travelling.pop().continue_()
+    expect(card.locator("[data-said]")).to_contain_text("7 ms is too high")
+    visit.page.keyboard.type("005 s")
+    expect(typed.get_by_role("textbox")).to_have_value("0.005 s")
+    expect(typed.get_by_role("textbox")).to_be_focused()
+
+
 def test_an_answer_that_waits_for_a_person_is_no_lost_point(visit: Visit) -> None:
     visit.card("1.3-check", "q4").get_by_role("textbox").fill("I would halve the step.")
     visit.card("1.3-check", "q4").get_by_role("button").click()

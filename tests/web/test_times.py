@@ -189,6 +189,18 @@ def test_an_extension_is_given_in_the_zone_of_its_form(site: Site, browser: Chro
     page.context.close()
 
 
+def test_a_form_without_times_leaves_the_scripts_of_its_page_alone(site: Site, browser: Chromium) -> None:
+    teacher = site.client("tina", "instructor")
+    teacher.put(f"{API}/quizzes/small/policy", json={"attempts": 3}, headers={"If-Match": "*"})
+    sign_in(site, browser, "ann", Role.STUDENT).context.close()
+    page, errors = sign_in(site, browser, "tina", Role.INSTRUCTOR), list[str]()
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto("/instructor/extensions?quiz=small")
+    expect(page.get_by_label("Further attempts")).to_be_visible()
+    assert errors == []
+    page.context.close()
+
+
 def test_without_javascript_forms_take_a_zone_and_pages_say_utc(site: Site, browser: Chromium) -> None:
     set_due(site, DUE)
     page = sign_in(site, browser, "tina", Role.INSTRUCTOR, timezone_id="Asia/Kolkata", java_script_enabled=False)

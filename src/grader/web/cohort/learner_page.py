@@ -49,7 +49,8 @@ def show_to_learner(
         ):
             raise Conflict(NOT_SOLVED)
         answers = services.classes.read_anonymous(session, who.course, (quiz_id, library.digest(quiz_id)), asked)
-    axes = [one for one in answers.axes if len(list_dots(answers, one)) >= LEARNERS_MIN]
+    drawn = {one.id: len(list_dots(answers, one)) for one in answers.axes}
+    axes = [one for one in answers.axes if drawn[one.id] >= LEARNERS_MIN]
     chosen = next((one for one in axes if one.id == axis), None) or next((one for one in axes if one.right), None)
     context: dict[str, Any] = {
         "title": list_titles(library)[quiz_id, question_id],
@@ -61,6 +62,7 @@ def show_to_learner(
         "rows": [] if chosen is None else count_positions(answers, chosen),
         "solved": len(answers.solved),
         "learners": len(answers.by_learner),
+        "drawn": max(drawn.values(), default=0),
         "least": LEARNERS_MIN,
     }
     return page(request, "class_learner.html", who=who, **context)

@@ -21,6 +21,7 @@ WORDS = {
     429: ("Too many requests", "Wait a moment, then go back and try again; nothing was taken."),
     503: ("The service cannot answer now", "What you handed in is kept. Try again in a moment."),
 }
+SIGNED_OUT_WHILE_SENDING = "Nothing was taken. Sign in in another tab, then go back here and send it again."
 OURS = ("Something went wrong on our side", "It is noted. What you handed in is kept; try again in a moment.")
 
 
@@ -31,6 +32,8 @@ def error_page(scope: Scope, problem: Response) -> Response | None:
         return None
     body = json.loads(bytes(problem.body))
     title, advice = WORDS.get(problem.status_code, OURS)
+    if problem.status_code == 401 and scope["method"] == "POST":
+        advice = SIGNED_OUT_WHILE_SENDING
     page = templates.get_template("error.html").render(
         who=None, status=problem.status_code, title=title, advice=advice,
         detail=body["detail"], request_id=body.get("request_id", ""),

@@ -146,6 +146,8 @@ function take(page, form, sent, wasTaken) {
   for (const id of ["facts", "first", "rail", "under-way", "attempts", "result"]) swap(page, id);
   for (const box of document.querySelectorAll("#result [data-film]")) watch(box);
   if (card) {
+    const { activeElement: held } = document;
+    const isElsewhere = held !== document.body && !card.contains(held);
     swap(page, card.id);
     const fresh = formOf(form.dataset.answer);
     adopt(fresh);
@@ -154,8 +156,12 @@ function take(page, form, sent, wasTaken) {
     for (const box of document.getElementById(card.id).querySelectorAll(LABS)) watch(box);
     const wanted = wasTaken ? ["[data-said]"] : ["[aria-invalid]", "[name=answer], [name^='answer.']"];
     const said = wanted.map((one) => document.getElementById(card.id).querySelector(one)).find(Boolean);
-    if (document.hasFocus()) said?.focus({ preventScroll: true });
-    if (document.hasFocus()) said?.scrollIntoView({ block: "nearest", behavior: "instant" });
+    if (isNewer) hold(document.getElementById(held.id), held);
+    else if (isElsewhere) announce.textContent = said?.querySelector("[data-status]")?.textContent ?? "";
+    else if (document.hasFocus()) {
+      said?.focus({ preventScroll: true });
+      said?.scrollIntoView({ block: "nearest", behavior: "instant" });
+    }
   } else {
     const fresh = page.querySelector(`form[data-answer="${CSS.escape(form.dataset.answer)}"]`);
     for (const name of ["after", "learner"]) form.elements[name].value = fresh.elements[name].value;
@@ -165,6 +171,12 @@ function take(page, form, sent, wasTaken) {
   }
   if (announce && !wasTaken) announce.textContent = formOf(form.dataset.answer).querySelector("[data-trouble]").textContent;
   follow();
+}
+
+// Goes on in a field where its copy was being typed in.
+function hold(field, copy) {
+  field?.focus({ preventScroll: true });
+  if (copy.selectionStart !== null) field?.setSelectionRange?.(copy.selectionStart, copy.selectionEnd);
 }
 
 // The first answer has begun a session: every form of the page gets its name.

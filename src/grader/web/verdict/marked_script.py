@@ -103,5 +103,11 @@ def find_advice(diagnosis: str) -> str:
     first, *others = SENTENCE_END.split(diagnosis, maxsplit=1)
     if others and not others[0].startswith(CONDITION):
         return others[0]
-    *_, last = CLAUSE.split(first, maxsplit=1)
+    colons = (one for one in CLAUSE.finditer(first) if not is_in_parentheses(first, one.start()))
+    last = first[next((one.end() for one in colons), 0) :]
     return " ".join((last[:1].upper() + last[1:] if last.split(" ")[0].isalpha() else last, *others))
+
+
+def is_in_parentheses(text: str, place: int) -> bool:
+    """Says whether a place of the text stands within parentheses."""
+    return text.count("(", 0, place) > text.count(")", 0, place)
