@@ -3,7 +3,9 @@
 import copy
 import json
 import math
+import re
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -405,6 +407,32 @@ def test_a_question_about_another_field_of_the_data() -> None:
     assert not certify(QUESTION.validate_python({**raw, "answer": 0})).ok
 
 
+MUSCLE = """<mujoco>
+<worldbody><body><joint name="j" type="slide" damping="1"/><geom size="0.1" mass="1"/></body></worldbody>
+<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>
+<actuator><muscle joint="j" lengthrange="0.5 1.5"/></actuator></mujoco>"""
+STAGES = ["Position stage", "Velocity stage", "Actuation stage", "Constraint stage", "Integration"]
+
+
+@pytest.mark.parametrize(
+    ("field", "right"),
+    [("ten_length", 0), ("ten_velocity", 1), ("qfrc_passive", 1), ("act_dot", 2), ("qfrc_actuator", 2), ("act", 4)],
+)
+def test_a_field_that_is_0_at_rest_is_filled_in_motion(field: str, right: int) -> None:
+    raw = {"id": "s", "kind": "mcq", "q": "Which stage?", "options": STAGES}
+    verify = {"by": "stage", "fills": field, "xml": MUSCLE}
+    for answer in range(len(STAGES)):
+        certificate = certify(QUESTION.validate_python({**raw, "answer": answer, "verify": verify}))
+        assert certificate.verdict == ("certified" if answer == right else "refuted"), certificate.why
+
+
+def test_a_field_that_no_stage_fills_refutes_no_key() -> None:
+    verify = {"by": "stage", "fills": "qfrc_inverse", "xml": MUSCLE}
+    raw = {"id": "s", "kind": "mcq", "q": "Which stage?", "options": [*STAGES, "None of them"], "answer": 5}
+    certificate = certify(QUESTION.validate_python({**raw, "verify": verify}))
+    assert (certificate.verdict, certificate.key) == ("cannot tell", "verify.fills")
+
+
 PUSH = {"by": "options", "settings": [{"push": 1}, {"push": 4}, {"push": 12}]}
 CLAIMS = ["data.qpos[0] > 3", "data.qpos[0] < 3", "data.timee"]
 
@@ -547,6 +575,25 @@ def test_a_count_that_hangs_on_the_timestep_is_refused() -> None:
 def test_a_claim_of_another_form_is_no_question(claim: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         history(claim, "true")
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"when": "max", "level": 0.5}, "remove `level`: with when max it has no effect, only with crossing"),
+        ({"when": "period", "direction": "down"}, "only with crossing, crossings"),
+        ({"when": "end", "count": 2}, "remove `count`: with when end it has no effect, only with crossing"),
+        ({"when": "mean", "band": 0.1}, "only with settling"),
+        ({"when": "settling"}, "give `band`"),
+        ({"when": "crossing", "level": 0.5, "direction": "down", "count": 2, "since": 0.01}, None),
+        ({"when": "max", "level": None}, None),
+    ],
+)
+def test_a_part_of_a_window_that_has_no_effect_is_refused(given: dict[str, Any], why: str | None) -> None:
+    verify = {"by": "measurement", "xml": TUMBLES["xml"], "expr": "data.qvel[1]", "seconds": 0.1, **given}
+    question = {"id": "q", "kind": "numeric", "q": "?", "answer": 1.0, "verify": verify}
+    with nullcontext() if why is None else pytest.raises(ValidationError, match=re.escape(why)):
+        QUESTION.validate_python(question)
 
 
 def test_a_measurement_of_more_than_its_run_is_refused() -> None:

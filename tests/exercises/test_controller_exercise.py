@@ -17,6 +17,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.exercises import plan_exercise
 from grader.exercises.episodes.films import describe_end
 from grader.exercises.episodes.simulating import Fault, Record
+from grader.exercises.kinds.controller.driver import check_controls
 from grader.grading.films import record_films
 from grader.grading.pipeline import Pipeline
 from grader.grading.references import read_demand
@@ -137,6 +138,11 @@ def test_the_frames_of_the_driver_hold_the_public_model_alone(short: Pipeline) -
     assert (verdict.status, verdict.points) == (Status.PARTIAL, 1), verdict.diagnosis
     reached = {finding.title.partition(":")[0] for finding in verdict.findings if finding.passed}
     assert reached == {"without a load, to 1 m"}
+
+
+def test_a_whole_number_too_large_for_a_float_is_told_so() -> None:
+    with pytest.raises(ValueError, match="a whole number that is too large for a float"):
+        check_controls(10**400, 1)
 
 
 def test_no_number_of_a_hidden_episode_is_printed_or_told(short: Pipeline) -> None:

@@ -300,6 +300,14 @@ def test_returning_anything_else_says_what_to_return(grade: Grade) -> None:
         assert re.search(r"return \(h_stable|return None alone, else two numbers, \(h_stable", verdict.diagnosis or "")
 
 
+@pytest.mark.parametrize("value", ["10**400", "10**5000", "(0.01, 10**400)"])
+def test_a_whole_number_too_large_for_a_float_is_told_so(value: str, grade: Grade) -> None:
+    source = f"def largest_stable_timestep(model, integrator):\n    return {value}\n"
+    verdict = grade(with_check(SERVO, cases=[LESSON]), source)
+    assert verdict.status is Status.INCORRECT
+    assert "a whole number too large for a float" in (verdict.diagnosis or "")
+
+
 @pytest.mark.parametrize(
     "pair",
     [

@@ -14,7 +14,7 @@ from grader.courses.rules.policy import revealing
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Verdict
 from grader.exercises import judge_exercise, plan_exercise
-from grader.exercises.driving import recorder
+from grader.exercises.driving import harness, recorder
 from grader.exercises.kinds.values.judging import driver
 from grader.library import Library, load
 
@@ -37,6 +37,7 @@ MODEL: dict[str, Any] = {
 HEIGHT = (
     "import mujoco\ndef two(model, data):\n    mujoco.mj_forward(model, data)\n    return data.site('tip').xpos[2]\n"
 )
+KINEMATICS = HEIGHT.replace("mj_forward", "mj_kinematics")
 
 MOVED = """
 import mujoco
@@ -57,17 +58,18 @@ UNIT = "import numpy as np\ndef two(v):\n    return v / np.linalg.norm(v) + v / 
 @pytest.fixture
 def grade(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Verdict]:
     monkeypatch.setattr(driver, "note", recorder.note)
+    monkeypatch.setattr(driver, "show", harness.show)
 
     def grade(source: str, program: str, check: dict[str, Any]) -> Verdict:
         library = load(folder(tmp_path, program, **check))
         scope: dict[str, Any] = {}
         exec(source, scope)
-        return graded(library, scope["two"])
+        return graded(library, scope["two"], source)
 
     return grade
 
 
-def graded(library: Library, function: Callable[..., object]) -> Verdict:
+def graded(library: Library, function: Callable[..., object], source: str = "") -> Verdict:
     """Runs the trials as the harness does."""
     asked: Any = library.question("q", "two")
     plan = plan_exercise(asked, library.model_xml, 1, library.text)
@@ -82,7 +84,8 @@ def graded(library: Library, function: Callable[..., object]) -> Verdict:
         trace = recorder.end()
         traces += struct.pack("<II", index, len(trace)) + trace
     results["traces"] = results["hidden_traces"] = np.frombuffer(traces, np.uint8)
-    return judge_exercise(asked, plan, RunReport(RunStatus.RETURNED, results=results, hidden_results=results))
+    report = RunReport(RunStatus.RETURNED, results=results, hidden_results=results)
+    return judge_exercise(asked, plan, report, source=source)
 
 
 OFF = "import numpy as np\ndef two(v):\n    w = v / np.linalg.norm(v) + v / 10\n    return {}\n"
@@ -90,6 +93,7 @@ RETURNS = "def two(v):\n    return {}\n"
 TOLD = [
     (MOVED, MODEL, MOVED.replace("mj_forward(", "mj_step("), "calls mj_step, which advances data by a timestep"),
     (HEIGHT, MODEL, "def two(model, data):\n    return data.site('tip').xpos[2]\n", "never calls mj_forward"),
+    (KINEMATICS, MODEL, "def two(model, data):\n    return 0\n", "Call mujoco.mj_kinematics(model, data) first"),
     (UNIT, ARRAYS, "def two(v):\n    v /= (v @ v) ** 0.5\n    return v + v / 10\n", "changes argument 1 in place"),
     (UNIT, ARRAYS, RETURNS.format("v[:2]"), "unit is an array of shape (2,) where an array of shape (3,) is asked for"),
     (UNIT, ARRAYS, RETURNS.format("float(v[0])"), "unit is a single number where an array of shape (3,) is asked for"),
@@ -100,6 +104,7 @@ TOLD = [
     (UNIT, ARRAYS, RETURNS.format("{'unit': float('nan')}"), "a dict in which not every value is a finite number"),
     (UNIT, ARRAYS, RETURNS.format("{'unit': 'v'}"), "a dict in which not every value is a finite number"),
     (UNIT, ARRAYS, RETURNS.format("v * float('nan')"), "Your result is nan"),
+    (UNIT, ARRAYS, RETURNS.format("10**5000"), "Your result is a whole number too large for a float"),
     (UNIT, ARRAYS, "def two(v):\n    yield v\n", "returns a generator"),
     (UNIT, ARRAYS, "def two(v):\n    return (x for x in v)\n", "a generator, whose values are not computed yet"),
     (UNIT, ARRAYS, OFF.format("np.round(w, 2)"), "unit is rounded to 2 decimals"),
@@ -124,6 +129,77 @@ def test_results_that_are_off_in_no_even_way_are_told_no_pattern(value: str, gra
     verdict = grade(OFF.format(value), UNIT, ARRAYS)
     assert verdict.status == "incorrect"
     assert not any(word in (verdict.diagnosis or "") for word in ("rounded", "same amount", "times what"))
+
+
+@pytest.mark.parametrize("body", ["math.cos(data.qpos[0])", "data.qvel[0] * 0.5"])
+def test_nobody_is_sent_to_a_function_that_the_exercise_does_not_need(body: str, grade: Callable[..., Verdict]) -> None:
+    program = f"import math\ndef two(model, data):\n    return {body}\n"
+    verdict = grade("def two(model, data):\n    return 0\n", program, MODEL)
+    assert "mj_" not in (verdict.diagnosis or "")
+    assert "same results for every call" in (verdict.diagnosis or "")
+
+
+def test_a_wrong_result_is_judged_where_a_residual_over_data_decides(grade: Callable[..., Verdict]) -> None:
+    program = "def missed(model, data, q):\n    return q - data.qpos[0]\n"
+    functions = [{"results": [{"name": "q"}], "residual": {"function": "missed", "atol": 1e-6}}]
+    verdict = grade("def two(model, data):\n    return 0\n", program, {**MODEL, "functions": functions, "luck": 1})
+    assert (verdict.status, verdict.points) == ("incorrect", 0)
+
+
+CONTROL: dict[str, Any] = {**MODEL, "functions": [{"results": [{"name": "torque", "field": "qfrc_applied"}]}]}
+HOLDS = (
+    "import mujoco\ndef two(model, data):\n    mujoco.mj_forward(model, data)\n"
+    "    data.qfrc_applied[:] = data.qfrc_bias\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("return data.qfrc_bias", "your function returns a value: write into data.qfrc_applied in place instead"),
+        ("torque = data.qfrc_bias", "data is left as it was: write into data.qfrc_applied in place, as in"),
+    ],
+)
+def test_who_leaves_data_as_it_was_is_told_where_to_write(body: str, said: str, grade: Callable[..., Verdict]) -> None:
+    """The field is 0 after every call: that is not a result which ignores its arguments."""
+    source = f"import mujoco\ndef two(model, data):\n    mujoco.mj_forward(model, data)\n    {body}\n"
+    assert said in (grade(source, HOLDS, CONTROL).diagnosis or "")
+
+
+HEAVIER = "def two(model, scale):\n    model.body_mass[:] *= scale\n    return model.body_mass.sum()\n"
+SCALED: dict[str, Any] = {
+    "functions": [{"results": [{"name": "mass"}]}],
+    "cases": [
+        {"id": "seen", "arguments": ["model", 2], "xml": HINGE},
+        {"id": "unseen", "hidden": True, "calls": 3, "arguments": ["model", [1.5, 3]], "xml": HINGE},
+    ],
+}
+
+
+def test_who_changes_what_the_author_s_program_changes_is_not_blamed_for_it(grade: Callable[..., Verdict]) -> None:
+    verdict = grade(HEAVIER.replace("*=", "/="), HEAVIER, SCALED)
+    assert verdict.status == "incorrect"
+    assert "in place" not in (verdict.diagnosis or "")
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("mujoco.mj_forward(model, data)\n    return 0 * data.qpos[0]", "a term with their masses is missing"),
+        ("return 9.81 * model.body_mass[0] * data.qpos[0]", "count the others from body 1"),
+    ],
+)
+def test_only_who_reads_masses_is_told_to_count_bodies(body: str, said: str, grade: Callable[..., Verdict]) -> None:
+    program = "def two(model, data):\n    return 9.81 * model.body_mass[1] * data.qpos[0] + data.qvel[0]\n"
+    source = f"import mujoco\ndef two(model, data):\n    {body} + data.qvel[0]\n"
+    assert said in (grade(source, program, MODEL).diagnosis or "")
+
+
+def test_the_author_s_sentence_comes_before_all_others(grade: Callable[..., Verdict], tmp_path: Path) -> None:
+    (tmp_path / "programs").mkdir()
+    (tmp_path / "programs" / "far.py").write_text("def two(v):\n    return v * 0 + 0.5\n")
+    check = {**ARRAYS, "mistakes": [{"program": "programs/far.py", "sentence": "Half of what?"}]}
+    assert grade("def two(v):\n    return [0.5, 0.5, 0.5]\n", UNIT, check).diagnosis == "Half of what?"
 
 
 def test_too_many_values_are_counted(grade: Callable[..., Verdict]) -> None:

@@ -7,8 +7,9 @@ import pytest
 
 from grader.certify.keys import find_refused_keys
 from grader.library import load
-from grader.library.scaffold import SCHEMA, list_scripts, list_shipped
+from grader.library.scaffold import SCHEMA, find_exercise, list_scripts, list_shipped
 from grader.questions import installed_kinds
+from grader.questions.kinds.script import ScriptQuestion
 from grader.settings import default_content, find_content
 from support.command_line import grader
 
@@ -83,6 +84,17 @@ def test_a_named_exercise_begins_its_quiz_and_names_its_files(course: Path) -> N
     assert [question.id for question in library.quiz("1.1-exercises").questions] == ["distance"]
     assert library.quiz("1.1-exercises").title == "Exercises"
     assert all("def distance(" in (course / name).read_text() for name in named[1:])
+
+
+@pytest.mark.parametrize("kind", EXERCISES)
+def test_a_named_exercise_can_be_loaded_and_says_what_it_said(course: Path, kind: str) -> None:
+    """The name of the function is a word of its texts too: `control` is a form, a swing what is measured."""
+    assert grader("new", "exercise", kind, "1.1-exercises/mine", "--in", str(course)).returncode == 0
+    (question,) = load(course).quiz("1.1-exercises").questions
+    shipped = find_exercise(kind).question
+    old = shipped.get("entry")
+    assert question.q == (shipped["q"] if old is None else shipped["q"].replace(f"{old}(", "mine("))
+    assert old is None or (isinstance(question, ScriptQuestion) and question.entry == "mine")
 
 
 def test_a_lesson_is_added(course: Path) -> None:

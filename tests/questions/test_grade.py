@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer
-from grader.questions import Question, grade_answer, read_answer
+from grader.questions import Question, grade_answer, kind_of, read_answer
 from grader.questions.kinds.choice import ChoiceQuestion
 from grader.questions.kinds.number import NumberQuestion
 from grader.questions.kinds.predict import PredictQuestion
@@ -105,6 +105,17 @@ def test_an_index_goes_before_an_option_that_reads_like_one() -> None:
     numbers = ChoiceQuestion(id="q", kind="mcq", q="How many?", options=("2", "1", "4"), answer=2)
     assert grade_answer(numbers, "2").read_as == "4"
     assert grade_answer(numbers, "4").status is Status.INVALID_ANSWER
+
+
+def test_an_option_that_is_read_as_the_number_of_another_is_a_remark() -> None:
+    for options, is_told in (
+        (("2", "1", "4"), True), (("0", "1", "2"), False), (("2 m", "1 m"), False), (("<b>1</b>", "0.5"), True),
+    ):  # fmt: skip
+        question = ChoiceQuestion(
+            id="q", kind="mcq", q="How many?", options=options, answer=1, whys=("",) * len(options)
+        )
+        remarks = list(kind_of(question).warnings(question))
+        assert [remark.key for remark in remarks] == ["options"] * is_told
 
 
 def test_two_options_of_the_same_words_are_told_apart_by_index_only() -> None:

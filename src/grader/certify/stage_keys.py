@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import mujoco
+import numpy as np
 
 from grader.certify.certificate import Certificate, certify_choice, refuse
 from grader.domain.pages.markup import plain_text
@@ -58,30 +59,48 @@ def certify_stage(key: OptionKey, verify: ByStage, model_xml: ModelXml) -> Certi
         return refuse("stage", key.answer, why, key="verify.stages")
     named = verify.model or verify.xml
     xml = read_xml(verify.model, verify.xml, model_xml) if named else IN_CONTACT
-    observed = _observe(xml, verify.fills)
-    filled = next((call for call, before, after in observed if after != before), None)
+    if verify.fills != "contact" and verify.fills not in DATA_FIELDS:
+        raise VerifyError("verify", f"verify.fills must be contact or an array of the data, not {verify.fills!r}")
+    model = mujoco.MjModel.from_xml_string(xml)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    observed = min((_observe(model, verify.fills, is_moving=moving) for moving in (False, True)), key=find_first_change)
+    first = find_first_change(observed)
     measured = {
         "field": f"data.{verify.fills}",
-        "filled by": filled,
-        "calls": {call: after if after == before else f"{before}, then {after}" for call, before, after in observed},
-    }
-    right = [i for i, stage in enumerate(stages) if stage is not None and stage == filled]
+        "filled by": CALLS[first] if first < len(CALLS) else None,
+        "calls": {call: before if after == before else f"{before}, then {after}"
+                  for call, (before, after) in zip(CALLS, observed, strict=True)},
+    }  # fmt: skip
+    if first == len(CALLS):
+        why = f"no stage of mj_step changes data.{verify.fills} in this model: name a `model` in which one does"
+        return refuse("stage", key.answer, why, key="verify.fills", measured=measured)
+    right = [i for i, stage in enumerate(stages) if stage == CALLS[first]]
     return certify_choice("stage", right, key.answer, key.options, measured)
 
 
-def _observe(xml: str, field: str) -> Sequence[tuple[str, str, str]]:
-    """Summarise the field before and after each call of mj_step. Raises VerifyError for an unknown field."""
-    if field != "contact" and field not in DATA_FIELDS:
-        raise VerifyError("verify", f"verify.fills must be contact or an array of the data, not {field!r}")
-    model = mujoco.MjModel.from_xml_string(xml)
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+Observed = Sequence[tuple[str, str]]
+"""What stands in a field before and after each call of mj_step."""
+
+
+def find_first_change(observed: Observed) -> int:
+    """Returns the index of the first call that changes the field; their number where none does."""
+    return next((index for index, (before, after) in enumerate(observed) if before != after), len(observed))
+
+
+def _observe(model: mujoco.MjModel, field: str, *, is_moving: bool) -> Observed:
+    """Summarise the field before and after each call of mj_step, from the model's start, or in motion with controls:
+    what a stage computes of a start at rest may be the 0 that stood there before."""
     data = mujoco.MjData(model)
     mujoco.mj_resetData(model, data)
+    if is_moving:
+        data.qvel[:] = np.linspace(0.1, 0.2, model.nv)
+        data.act[:], data.ctrl[:] = 0.5, 1.0
+        mujoco.mj_integratePos(model, data.qpos, data.qvel, 1.0)
     observed = []
     for name in CALLS:
         before = _shorten(data, field)
         getattr(mujoco, name)(model, data)
-        observed.append((name, before, _shorten(data, field)))
+        observed.append((before, _shorten(data, field)))
     return observed
 
 

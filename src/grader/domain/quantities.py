@@ -1,7 +1,8 @@
 """The quantities that can be measured in a time series, by name, and what of a series is looked at. Answer keys
 (`verify`) and the claims of a learner's script share them."""
 
-from typing import Literal, Self
+from collections.abc import Mapping
+from typing import Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -24,6 +25,16 @@ BASE_UNITS = dict.fromkeys(TIMES, "s") | {"frequency": "Hz", "decay_rate": "1/s"
 
 Direction = Literal["up", "down", "either"]
 
+WINDOW_KEYS: Mapping[str, tuple[str, ...]] = {
+    "since": ("end", "final", *get_args(Summary)),
+    "until": ("end", "final", *get_args(Summary)),
+    "level": ("crossing", "crossings", "period", "frequency", "decay_rate", "settling"),
+    "band": ("settling",),
+    "direction": ("crossing", "crossings"),
+    "count": ("crossing",),
+}
+"""The quantities that each key of a window has an effect on; `end` is `final` in answer keys."""
+
 
 class Window(BaseModel):
     """What of a series is looked at, from `since` to `until` [s], and by what: a `level`, the width of a `band` about
@@ -43,3 +54,12 @@ class Window(BaseModel):
         if self.until is not None and self.until <= self.since:
             raise ValueError("until must be later than since")
         return self
+
+    def require_used(self, key: str, name: str) -> None:
+        """Raises ValueError where a part of the window has no effect on the quantity `name`, which stands under `key`,
+        and where `band` is missing."""
+        for part, names in WINDOW_KEYS.items():
+            if part in self.model_fields_set and getattr(self, part) is not None and name not in names:
+                raise ValueError(f"remove `{part}`: with {key} {name} it has no effect, only with {', '.join(names)}")
+        if name == "settling" and self.band is None:
+            raise ValueError(f"give `band`, how far about the level it may stay, with {key} settling")

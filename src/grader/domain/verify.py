@@ -181,9 +181,8 @@ class ByMeasurement(Window, Simulation):
     seconds: Seconds
 
     @model_validator(mode="after")
-    def _has_a_band(self) -> Self:
-        if (self.band is not None) != (self.when == "settling"):
-            raise ValueError("give `band` with when settling, and only with it")
+    def _window_is_used(self) -> Self:
+        self.require_used("when", self.when)
         return self
 
 

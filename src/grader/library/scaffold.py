@@ -206,12 +206,13 @@ def name_sample(sample: Sample, id_: str) -> Sample:
 
 
 def rename(sample: Sample, old: str, new: str) -> Sample:
-    """Returns a sample in whose texts a name of Python is another one."""
-    name = re.compile(rf"\b{re.escape(old)}\b(?!\.py)")
-    question = json.loads(name.sub(new, json.dumps(sample.question)))
-    texts = {path: body if path.startswith("models/") else name.sub(new, body.decode()).encode()
+    """Returns a sample whose entry has another name, also in texts, wherever arguments follow it: the same word stands
+    for other things too, such as the form of a controller."""
+    called = re.compile(rf"\b{re.escape(old)}(?=\()")
+    question = json.loads(called.sub(new, json.dumps(sample.question))) | {"entry": new}
+    texts = {path: body if path.startswith("models/") else called.sub(new, body.decode()).encode()
              for path, body in sample.files.items()}  # fmt: skip
-    return Sample(question, texts, sample.right and name.sub(new, sample.right.decode()).encode())
+    return Sample(question, texts, sample.right and called.sub(new, sample.right.decode()).encode())
 
 
 def add_sample(root: Path, quiz: str, sample: Sample) -> list[Path]:

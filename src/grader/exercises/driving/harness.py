@@ -9,9 +9,9 @@ the jail, and lack of memory end the whole script: they are raised again.
 Models come compiled where the inputs have them under `models`; `load_model` makes new ones.
 
 The results `traces` and `hidden_traces` hold what the recorder noted in each trial. The driver finds among its names
-`note`, which adds to the trace, and `hidden`, which says whether the current trial is. That of a kind that plays also
-finds `exchange(answer)`, which sends an answer and returns the next message, None at the end of the trial, and
-`explain(error)`, which makes an exception of the student's an answer."""
+`note`, which adds to the trace, `hidden`, which says whether the current trial is, and `show(value)`, the text of any
+value. That of a kind that plays also finds `exchange(answer)`, which sends an answer and returns the next message, None
+at the end of the trial, and `explain(error)`, which makes an exception of the student's an answer."""
 
 import base64
 import builtins
@@ -49,7 +49,7 @@ SAVED = "model.mjb"
 def load(recorder: types.CodeType, driver: types.CodeType) -> None:
     """Executes the recorder and the kind's driver, before the student's module is imported."""
     exec(recorder, RECORDER)  # noqa: S102
-    KIND.update(note=RECORDER["note"], load_model=load_model, exchange=exchange, explain=explain)
+    KIND.update(note=RECORDER["note"], load_model=load_model, show=show, exchange=exchange, explain=explain)
     exec(driver, KIND)  # noqa: S102
     if "before_import" in KIND:
         KIND["before_import"]()
@@ -67,6 +67,15 @@ def load_model(xml: str) -> mujoco.MjModel:
         MODELS[xml] = saved.tobytes()
         return model
     return load_saved(SAVED, {SAVED: MODELS[xml]})
+
+
+def show(value: object) -> str:
+    """Returns the text of a value that the student returned, and its type where it has none: Python prints no whole
+    number of more than 4300 digits, and a `__repr__` of the student's may raise."""
+    try:
+        return repr(value)
+    except Exception:
+        return f"a value of type {type(value).__name__}"
 
 
 def take_models(inputs: Mapping[str, Any]) -> None:

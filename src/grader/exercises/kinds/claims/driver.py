@@ -11,6 +11,9 @@ import numpy as np
 load_model: Callable[[str], mujoco.MjModel] = globals().get("load_model", mujoco.MjModel.from_xml_string)
 """Returns a new model: the harness defines it."""
 
+show: Callable[[object], str] = globals().get("show", repr)
+"""Returns the text of any value: the harness defines it."""
+
 TEXT_CHARS_MAX = 100
 
 
@@ -28,7 +31,7 @@ def trial(
         if numbers is not None:
             submit(f"c{index}", numbers)
         else:
-            text = "nothing" if value is MISSING else repr(value)[:TEXT_CHARS_MAX]
+            text = "nothing" if value is MISSING else show(value)[:TEXT_CHARS_MAX]
             submit(f"other{index}", np.frombuffer(text.encode(errors="replace"), dtype=np.uint8))
 
 

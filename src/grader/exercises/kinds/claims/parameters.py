@@ -77,8 +77,7 @@ class Claim(Window, Strict):
             raise ValueError("give tol or rtol above 0: no measurement is exact")
         if (self.width is not None) != (self.form == "interval"):
             raise ValueError("give `width`, the largest width of an interval, with the form interval and only with it")
-        if (self.band is not None) != (self.quantity == "settling"):
-            raise ValueError("give `band` with the quantity settling, and only with it")
+        self.require_used("quantity", self.quantity)
         if self.quantity == "trace" and self.form != "curve":
             raise ValueError("a trace is a curve: write the form curve")
         return self

@@ -90,6 +90,8 @@ def check_controls(returned: Any, nu: int) -> Any:
         controls = np.asarray(returned, dtype=np.float64)
     except (TypeError, ValueError):
         raise TypeError(f"the controller returned {describe(returned)} instead of {wanted}") from None
+    except OverflowError:
+        raise ValueError("the controller returned a whole number that is too large for a float") from None
     if controls.size != nu:
         raise ValueError(f"the controller returned an array of shape {controls.shape} instead of {wanted}")
     if not np.isfinite(controls).all():

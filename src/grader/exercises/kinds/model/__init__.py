@@ -9,7 +9,7 @@ from grader.domain.axes import Placed
 from grader.domain.run import Job, Limits, RunReport
 from grader.exercises.kind import DrawnCase, JudgedTrial, Judgement, Kind, Measurement, Mistake, Results, Trial
 from grader.exercises.kinds.model import driver, measuring
-from grader.exercises.kinds.model.judge import Outcome, judge_model
+from grader.exercises.kinds.model.judge import Outcome, judge_model, require_values
 from grader.exercises.kinds.model.matching import agree
 from grader.exercises.kinds.model.mistakes import find_mistake, name_plain_mistake
 from grader.exercises.kinds.model.parameters import ModelCase, ModelParameters, Problem, pose_case
@@ -36,6 +36,10 @@ class Model(Kind[ModelParameters, Problem, Outcome]):
         problem = pose_case(parameters, drawn)
         arguments = [drawn.numbers[name] for name in parameters.numbers if name in drawn.numbers]
         return [Trial(drawn.case.id, {"arguments": arguments}, problem, measured=problem.measured)]
+
+    def rehearse(self, parameters: ModelParameters, trial: Trial[Problem]) -> None:
+        """Evaluates every expression where the case begins. Raises WrongInCase where the reference has no value."""
+        require_values(trial.problem)
 
     def judge(self, parameters: ModelParameters, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
         """Compares what was measured."""

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grader.exercises.judgement import Judgement, Part, Results
+from grader.exercises.kinds.model import measuring
 from grader.exercises.kinds.model.parameters import Goal, Problem, list_asked_names
+from grader.exercises.parameters import WrongInCase
 
 LINE = re.compile(r"\bline (\d{1,6})\b")
 FIGURES = 5
@@ -74,6 +76,17 @@ def judge_model(problem: Problem, results: Results) -> Judgement[Outcome]:
     outcome = Outcome(made["goals"], made["geoms"], reference["geoms"], missing=tuple(dict.fromkeys(missing)))
     message = next((part.message for part in parts if not part.passed), "The model is as it should be.")
     return Judgement(all(part.passed for part in parts), message, outcome, parts=tuple(parts))
+
+
+def require_values(problem: Problem) -> None:
+    """Raises WrongInCase where an expression has no value of the reference where the case begins."""
+    begin = measuring.describe(problem.reference, {**problem.measured, "seconds": 0}, halved=False)
+    for index, goal in enumerate(begin.get("goals", ())):
+        for part in ("same", "within"):
+            for expression, one in goal[part].items():
+                if "values" not in one:
+                    why = f"has no {one['missing']!r}" if "missing" in one else f"raises {one['raised']}"
+                    raise WrongInCase(f"goals.{index}.{part}", f"the reference {why} in {expression}: correct either")
 
 
 def judge_goal(goal: Goal, id_: str, compared: Mapping[str, Compared], *, runs: bool) -> Part:

@@ -98,7 +98,7 @@ def explain_unreadable_result(observed: Observation) -> str | None:
             f"Your function returns a {value.type} that holds None: where nothing is unstable return None alone, else "
             "two numbers, (h_stable, h_unstable)."
         )
-    is_claim = value.type.startswith("float") or value.shape in ((1,), (2,))
+    is_claim = value.type.startswith(("float", "int")) or value.shape in ((1,), (2,))
     if is_claim and (why := explain_items(value)):
         return why
     many = f" of {value.shape[0]} items" if value.type in ("tuple", "list") and value.shape else ""
@@ -109,13 +109,14 @@ def explain_unreadable_result(observed: Observation) -> str | None:
 def explain_items(value: ReturnedValue) -> str | None:
     """Returns the sentence for one or two numbers of which one is none, or is not finite."""
     items = value.items or (value.type,) * len(value.numbers)
-    holder = "" if value.type.startswith("float") else f" a {value.type} with"
+    holder = f" a {value.type} with" if value.items or value.shape else ""
     returns = f"Your function returns{holder}"
     for item, number in zip(items, value.numbers, strict=False):
         if isnan(number) and item and not item.startswith(("float", "ndarray")):
             return f"{returns} a value of type {item}: it must return two numbers in seconds, (h_stable, h_unstable)."
-        if item.startswith("float") and not isfinite(number):
-            what = "nan" if isnan(number) else "inf"
+        if item.startswith(("float", "int")) and not isfinite(number):
+            beyond = "inf" if item.startswith("float") else "a whole number too large for a float"
+            what = "nan" if isnan(number) else beyond
             return (
                 f"{returns} {what}: where nothing is unstable return None alone, else two numbers, (h_stable, "
                 "h_unstable)."

@@ -8,6 +8,7 @@ from typing import Any
 from grader.domain.axes import Placed
 from grader.domain.run import Job, RunReport
 from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Mistake, Results, TextOf, Trial
+from grader.exercises.kinds.values.input_mistakes import CLAIMS
 from grader.exercises.kinds.values.judging import driver
 from grader.exercises.kinds.values.judging.described import describe
 from grader.exercises.kinds.values.judging.judge import Comparisons, compute_tolerance, judge_calls
@@ -28,6 +29,7 @@ class Values(Kind[ValuesParameters, Problem, Comparisons]):
     how = "Your function is called with the inputs of each case, and its results are compared with the author's."
     needs_model = False
     runs_wrong_programs = True
+    claims = CLAIMS
 
     def build_trials(self, parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Sequence[Trial[Problem]]:
         """Returns the calls of one case."""

@@ -8,14 +8,14 @@ from math import isfinite, isnan
 import mujoco
 import numpy as np
 
-from grader.exercises.kinds.values.judging.driver import STATE, compile_model, start_data
+from grader.exercises.kinds.values.judging.driver import STATE, compile_model, note_changes, start_data
 from grader.exercises.kinds.values.student_call import StudentCall, is_given_by
 from grader.exercises.rules import find_sentence
 from grader.exercises.trace import ReturnedValue, Trace
 
 STEPPERS = ("mj_step", "mj_step2", "mj_Euler", "mj_implicit", "mj_RungeKutta")
-DERIVE = ("mj_forward", "mj_step1", "mj_fwdPosition", "mj_kinematics", "mj_inverse", *STEPPERS)
-"""Functions that compute derived quantities from a state."""
+DERIVE = ("mj_forward", "mj_step1", "mj_fwdPosition", "mj_kinematics", "mj_inverse")
+"""Functions that compute derived quantities from a state, and leave it as it is."""
 
 
 def list_texts(trace: Trace, key: str) -> list[str]:
@@ -62,6 +62,8 @@ def explain_returned_value(value: ReturnedValue, names: Sequence[str]) -> str | 
     if value.type in ("tuple", "list") and value.shape != (len(names),) and len(names) > 1:
         return f"Your function returns {value.shape[0] if value.shape else 0} values, not {len(names)}: {cure}"
     numbers = [] if value.items else [number for number in value.numbers if not isfinite(number)]
+    if numbers and value.type == "int":
+        return "Your result is a whole number too large for a float: look for a power or a loop that grows without end."
     if numbers:
         what = "nan (not a number)" if any(map(isnan, numbers)) else "inf"
         return f"Your result is {what}: look for a division by zero, or a root or logarithm of a number below zero."
@@ -105,15 +107,23 @@ def explain_missing_forward(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence for results of 0 from a function that computed nothing from the state of `data`."""
     if not all("data" in one.comparison.call.arguments for one in wrong):
         return None
-    if any({*list_texts(one.trace, "functions")} & {*DERIVE} for one in wrong):
-        return None
     pairs = [pair for one in wrong for pair in one.wrong_pairs]
     if not pairs or any(np.any(got) or not np.any(right) for _, got, right in pairs):
         return None
-    return (
-        "Your results are 0, and your function never calls mj_forward: positions of bodies, inertia and forces in data "
-        "are not computed before that. Call mujoco.mj_forward(model, data) first."
+    name = find_missing_call(wrong)
+    return name and (
+        f"Your results are 0, and your function never calls {name}: positions of bodies, inertia and forces in data "
+        f"are not computed before that. Call mujoco.{name}(model, data) first."
     )
+
+
+def find_missing_call(wrong: Sequence[StudentCall]) -> str | None:
+    """Returns the function by which the author's program computes derived quantities, where the student's function
+    calls none that does."""
+    if any({*list_texts(one.trace, "functions")} & {*DERIVE, *STEPPERS} for one in wrong):
+        return None
+    called = {*re.findall(r"\w+", wrong[0].problem.text)}
+    return next((name for name in DERIVE if name in called), None)
 
 
 def explain_other_shape(wrong: Sequence[StudentCall]) -> str | None:
@@ -133,10 +143,12 @@ def describe_shape(shape: tuple[int, ...]) -> str:
 
 
 def explain_changed_input(wrong: Sequence[StudentCall]) -> str | None:
-    """Returns the sentence for a function that returns its results and changes its inputs in every wrong trial."""
+    """Returns the sentence for a function that returns its results and changes its inputs in every wrong trial, which
+    the author's program leaves as they are."""
     if any(result.field for result in wrong[0].problem.function.results):
         return None
-    changed = [list_texts(one.trace, "changed") for one in wrong]
+    meant = find_changed_by_author(wrong[0])
+    changed = [[name for name in list_texts(one.trace, "changed") if name not in meant] for one in wrong]
     common = [name for name in changed[0] if all(name in one for one in changed)]
     if not common:
         return None
@@ -146,3 +158,11 @@ def explain_changed_input(wrong: Sequence[StudentCall]) -> str | None:
         f"Your function changes {name} in place, so that its later lines work with other numbers than those given. "
         f"Work on a copy of {copy}."
     )
+
+
+def find_changed_by_author(student_call: StudentCall) -> set[str]:
+    """Returns which parts of its inputs the author's program changes in a call."""
+    problem, changed = student_call.problem, dict[str, None]()
+    program = {problem.name: note_changes(problem.program[problem.name], changed)}
+    problem.compute_results(student_call.comparison.call, program)
+    return {*changed}

@@ -7,6 +7,7 @@ from math import pi
 
 import mujoco
 
+from grader.exercises.explaining.claims import build_claims, uses
 from grader.exercises.kinds.values.student_call import StudentCall, is_given_by
 
 Variant = tuple[str, Callable[[StudentCall], bool]]
@@ -122,6 +123,13 @@ def remove_mass(model: mujoco.MjModel) -> None:
     model.body_ipos[:] = 0
 
 
+COUNTS_BODIES = r"body 0 is the world, so count the others from body 1"
+
+CLAIMS = build_claims([
+    (COUNTS_BODIES, uses("body_", ".mass", ".inertia"), "a term with their masses is missing, such as the weight"),
+])  # fmt: skip
+"""The claims of these sentences: a script that reads no field of bodies cannot read those of the wrong one."""
+
 WRONG_MODELS: Mapping[str, Callable[[mujoco.MjModel], None]] = {
     "The rotor inertia is missing: add the joint's armature to the inertia (model.dof_armature).": scale_field(
         "dof_armature", 0.0
@@ -129,11 +137,11 @@ WRONG_MODELS: Mapping[str, Callable[[mujoco.MjModel], None]] = {
     "The bodies' own inertia is missing: your results are those of point masses. Add model.body_inertia.": scale_field(
         "body_inertia", 1e-12
     ),
-    "Your results are those of bodies without mass: body 0 is the world, so count the others from body 1.": remove_mass,
-    "The damping is missing: subtract model.dof_damping times the velocity.": scale_field("dof_damping", 0.0),
+    f"Your results are those of bodies without mass: {COUNTS_BODIES}.": remove_mass,
+    "The damping is missing: model.dof_damping times the velocity, against it.": scale_field("dof_damping", 0.0),
     "The damping has the wrong sign: it acts against the velocity.": scale_field("dof_damping", -1.0),
     "The springs are missing: add the joint's stiffness (model.jnt_stiffness).": scale_field("jnt_stiffness", 0.0),
-    "Gravity is missing: add its torque.": scale_field("gravity", 0.0),
+    "Gravity is missing: a term with the weight of the bodies.": scale_field("gravity", 0.0),
     "Gravity has the wrong sign, as if it pulled upwards: turn it "
     "(a length read off a position may be negative).": scale_field("gravity", -1.0),
 }

@@ -12,6 +12,7 @@ from grader.exercises.kinds.values.call_trace import (
     explain_by_trace,
     explain_missing_forward,
     explain_unreadable_results,
+    find_missing_call,
 )
 from grader.exercises.kinds.values.input_mistakes import explain_by_inputs
 from grader.exercises.kinds.values.judging.driver import Rows, compile_model, start_data
@@ -71,13 +72,14 @@ def find_mistake(calls: Sequence[StudentCall]) -> str | None:
         return None
     if any(call.comparison.answer.values is None for call in wrong):
         return explain_missing(wrong) or explain_unreadable_results(wrong)
-    if (empty := explain_missing_forward(wrong)) is not None:
-        return empty
+    if (authored := explain_by_programs(wrong)) is not None:
+        return authored
+    is_compared = all(call.comparison.expected is not None for call in wrong)  # else a residual decides
+    if is_compared and (sentence := find_sentence(FIRST_RULES, wrong)) is not None:
+        return sentence
     if is_stale(calls):
-        return "You give the same results for every call: compute them from the arguments of the call."
-    if any(call.comparison.expected is None for call in wrong):
-        return explain_by_programs(wrong)
-    return find_sentence(RULES, wrong)
+        return "You give the same results for every call: they must depend on the arguments of the call."
+    return find_sentence(RULES, wrong) if is_compared else None
 
 
 def explain_missing(wrong: Sequence[StudentCall]) -> str | None:
@@ -221,12 +223,21 @@ def is_shifted(result: Result, got: Rows, right: Rows) -> bool:
     return len(longer) == len(shorter) + 1 and (fits(result, longer[1:], shorter) or fits(result, longer[:-1], shorter))
 
 
+def explain_unchanged_data(wrong: Sequence[StudentCall]) -> str | None:
+    """Returns the sentence of a function that leaves data as it was; of one that returns its results, where to."""
+    fields = [result.field for result in wrong[0].problem.function.results]
+    if not all(fields) or not all(is_unchanged(one) for one in wrong):
+        return None
+    names = " and ".join(f"data.{field}" for field in fields)
+    if all(value.type != "NoneType" for one in wrong for value in one.trace.returned_values[:1]):
+        return f"data is left as it was, and your function returns a value: write into {names} in place instead."
+    return f"data is left as it was: write into {names} in place, as in data.{fields[0]}[:] = ..."
+
+
 def explain_by_state(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence of a mistake that the state after a step shows."""
     if not all(result.field for one in wrong for result in one.problem.function.results):
         return None
-    if all(is_unchanged(one) for one in wrong):
-        return "data is left as it was: write into its fields in place, such as data.qpos[:] = ..."
     if all(is_given_by(one, times=2) for one in wrong):
         return "You are off by one step: data is advanced twice in one call."
     if all(is_explicit(one) for one in wrong):
@@ -245,7 +256,8 @@ def explain_unchanged_fields(wrong: Sequence[StudentCall]) -> str | None:
         return None
     names = " and ".join(f"data.{field}" for field in fields)
     were = "is left as it was: write its new value" if len(fields) == 1 else "are left as they were: write new values"
-    because = " data.qacc is 0 until mj_forward has computed it: call it first." if "qvel" in fields else ""
+    missing = find_missing_call(wrong) if "qvel" in fields else None
+    because = f" data.qacc is 0 until {missing} has computed it: call it first." if missing == "mj_forward" else ""
     return f"{names} {were} in place, as you do for the rest.{because}"
 
 
@@ -283,7 +295,12 @@ def is_explicit(call: StudentCall) -> bool:
     return all(result.field == "qpos" and fits(result, got, moved["qpos"]) for result, got, _ in call.wrong_pairs)
 
 
+FIRST_RULES: tuple[Callable[[Sequence[StudentCall]], str | None], ...] = (
+    explain_missing_forward, explain_unchanged_data,
+)  # fmt: skip
+"""Rules that come before that of results which are the same for every call."""
+
 RULES: tuple[Callable[[Sequence[StudentCall]], str | None], ...] = (
-    explain_by_programs, explain_by_results, explain_by_state, explain_by_inputs, explain_by_trace, explain_by_pattern,
+    explain_by_results, explain_by_state, explain_by_inputs, explain_by_trace, explain_by_pattern,
 )  # fmt: skip
 """Rules that may explain every wrong call of a function; the first one that does gives the diagnosis."""

@@ -42,9 +42,8 @@ class OneOption(QuestionKind[Q, int]):
     """Reads, grades and counts one of the options, by its index."""
 
     def warnings(self, question: Q) -> Iterator[Remark]:
-        """Yields a remark where every wrong option gets the same sentence."""
-        if not question.whys:
-            yield NO_WHYS
+        """Yields remarks on the options."""
+        return remark_options(question.options, question.whys)
 
     def sample_answers(self, question: Q) -> Sequence[int]:
         """Returns every option, the right one first."""
@@ -98,6 +97,18 @@ class OneOption(QuestionKind[Q, int]):
     def options(self, question: Q) -> Sequence[Option]:
         """Returns the options."""
         return [Option(plain_text(text), index == question.answer) for index, text in enumerate(question.options)]
+
+
+def remark_options(options: Sequence[str], whys: Sequence[str]) -> Iterator[Remark]:
+    """Yields a remark where every wrong option gets the same sentence, and where the text of an option is read as the
+    index of another one, or of none."""
+    if not whys:
+        yield NO_WHYS
+    texts = enumerate(map(option_text, options))
+    if (text := next((text for index, text in texts if _as_index(text) not in (None, index)), None)) is not None:
+        yield Remark(
+            "options", f"whoever types {text} chooses by number, from 0, and not this option: add a word to it"
+        )
 
 
 def option_key(question: OptionsQuestion, lab: LabConfig | None = None) -> OptionKey:

@@ -11,7 +11,7 @@ from grader.domain.plugins import Remark
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import InvalidAnswer
 from grader.questions.kind import FIELD, Example, Fields, Option, QuestionKind
-from grader.questions.kinds.choice.options import DIGITS_MAX, NO_WHYS, option_text, read_choice
+from grader.questions.kinds.choice.options import DIGITS_MAX, option_text, read_choice, remark_options
 from grader.questions.parts import json_or_text
 from grader.questions.question import OptionIndex, Options, Question, Whys
 
@@ -47,9 +47,8 @@ class Multiple(QuestionKind[MultipleQuestion, tuple[int, ...]]):
         return "Choose all that are right"
 
     def warnings(self, question: MultipleQuestion) -> Iterator[Remark]:
-        """Yields a remark where every wrong option gets the same sentence."""
-        if not question.whys:
-            yield NO_WHYS
+        """Yields remarks on the options."""
+        return remark_options(question.options, question.whys)
 
     def sample_answers(self, question: MultipleQuestion) -> Sequence[list[int]]:
         """Returns the right options, those that are wrong, one alone, and all of them."""

@@ -16,6 +16,7 @@ import numpy as np
 
 note: Callable[..., bool] = globals().get("note", lambda *_: False)
 load_model: Callable[[str], Any] = globals().get("load_model", mujoco.MjModel.from_xml_string)
+show: Callable[[object], str] = globals().get("show", repr)
 
 RUNS_MAX = 300
 """Runs that are noted in a trial, the first ones."""
@@ -200,7 +201,7 @@ def trial(
             search.note(model)
     numbers = read_numbers(claim)
     if numbers is None:
-        submit("other", np.frombuffer(repr(claim)[:200].encode(errors="replace"), dtype=np.uint8))
+        submit("other", np.frombuffer(show(claim)[:200].encode(errors="replace"), dtype=np.uint8))
     else:
         submit("claim", np.array(numbers, dtype=np.float64))
 
@@ -217,5 +218,10 @@ def read_numbers(claim: object) -> list[float] | None:
 
 
 def is_number(item: object) -> bool:
-    """Whether an item is a finite real number; True and False are not."""
-    return isinstance(item, int | float | np.floating) and not isinstance(item, bool) and bool(np.isfinite(float(item)))
+    """Whether an item is a finite real number that a float can hold; True and False are not."""
+    if isinstance(item, bool) or not isinstance(item, int | float | np.floating):
+        return False
+    try:
+        return bool(np.isfinite(float(item)))
+    except OverflowError:
+        return False

@@ -31,6 +31,9 @@ note: Callable[..., bool] = globals().get("note", lambda *_: False)
 load_model: Callable[[str], mujoco.MjModel] = globals().get("load_model", mujoco.MjModel.from_xml_string)
 """Returns a new model: the harness defines it."""
 
+show: Callable[[object], str] = globals().get("show", repr)
+"""Returns the text of any value: the harness defines it."""
+
 
 class Listener(io.TextIOBase):
     """Passes text on, and notes whether there was any."""
@@ -152,11 +155,11 @@ def call_function(
         returned = function(*arguments)
     parts = separate(returned, [str(one["name"]) for one in results if one["field"] is None])
     if parts is None:
-        return repr(returned)[:TEXT_CHARS_MAX]
+        return show(returned)[:TEXT_CHARS_MAX]
     values = iter(parts)
     found = [to_numbers(next(values) if one["field"] is None else getattr(data, one["field"])) for one in results]
     whole = [one for one in found if one is not None]
-    return whole if len(whole) == len(found) else repr(returned)[:TEXT_CHARS_MAX]
+    return whole if len(whole) == len(found) else show(returned)[:TEXT_CHARS_MAX]
 
 
 def start_data(model: mujoco.MjModel, start: Mapping[str, Any]) -> mujoco.MjData:
