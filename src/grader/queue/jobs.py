@@ -78,10 +78,11 @@ class JobRow(QueueBase):
 
 
 ORDER = (JobRow.priority, JobRow.round, JobRow.share, JobRow.id)
-WAITS = JobRow.owner.is_(None)
+WAITS, IS_OWNED = JobRow.owner.is_(None), JobRow.owner.is_not(None)
 Index("ix_jobs_order", *ORDER, sqlite_where=WAITS, postgresql_where=WAITS)
 Index("ix_jobs_share", JobRow.share, JobRow.priority, JobRow.round, sqlite_where=WAITS, postgresql_where=WAITS)
-Index("ix_jobs_owner", JobRow.owner)
+# Without those that wait: SQLite would else find all of them here for a claim, and sort them.
+Index("ix_jobs_owner", JobRow.owner, sqlite_where=IS_OWNED, postgresql_where=IS_OWNED)
 
 
 class Clock(FunctionElement[float]):
@@ -185,7 +186,7 @@ def withdraw(session: Session, topic: str, subject: str) -> bool:
 
 def ask_to_stop(session: Session, topic: str, subject: str) -> bool:
     """Asks the owner of a job in progress to stop it. False if it is done, waits, or was asked before."""
-    runs = (JobRow.topic == topic, JobRow.subject == subject, JobRow.owner.is_not(None), JobRow.due_at.is_(None))
+    runs = (JobRow.topic == topic, JobRow.subject == subject, IS_OWNED, JobRow.due_at.is_(None))
     asked = session.execute(update(JobRow).where(*runs).values(due_at=Clock()).returning(JobRow.id)).first()
     announce(session, STOPS)
     return asked is not None
@@ -207,7 +208,7 @@ def hurry(session: Session, topic: str, subjects: Sequence[str]) -> None:
 
 def list_owned(session: Session) -> list[tuple[int, str]]:
     """Returns the owner and the lease of every job in progress."""
-    rows = session.execute(select(JobRow.owner, JobRow.lease).where(JobRow.owner.is_not(None)))
+    rows = session.execute(select(JobRow.owner, JobRow.lease).where(IS_OWNED))
     return [(row.owner, row.lease) for row in rows]
 
 
@@ -246,7 +247,7 @@ class TopicState:
 def read_state(session: Session) -> dict[str, TopicState]:
     """Returns the state of the queue by topic. It reads the entries of waiting jobs in an index, and no table."""
     waits = select(JobRow.priority, func.count(), func.min(JobRow.id)).where(WAITS).group_by(JobRow.priority)
-    runs = select(JobRow.topic, func.count()).where(JobRow.owner.is_not(None)).group_by(JobRow.topic)
+    runs = select(JobRow.topic, func.count()).where(IS_OWNED).group_by(JobRow.topic)
     waiting = {TOPICS[priority]: (count, first) for priority, count, first in session.execute(waits)}
     running = dict(session.execute(runs).all())
     first_ids = [first for _, first in waiting.values()]

@@ -467,7 +467,7 @@ CREATE INDEX ix_idempotency_keys_created_at ON idempotency_keys (created_at);
 
 CREATE INDEX ix_jobs_order ON jobs (priority, round, share, id) WHERE owner IS NULL;
 
-CREATE INDEX ix_jobs_owner ON jobs (owner);
+CREATE INDEX ix_jobs_owner ON jobs (owner) WHERE owner IS NOT NULL;
 
 CREATE INDEX ix_jobs_share ON jobs (share, priority, round) WHERE owner IS NULL;
 
