@@ -3,9 +3,11 @@
 from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
-from sqlalchemy import func, select, update
+from sqlalchemy import event, func, select, update
+from sqlalchemy.engine import Engine
 
 from grader.courses.people import members
 from grader.courses.people.identity import Role
@@ -86,6 +88,27 @@ def test_old_keys_and_passed_events_go_in_small_batches(database: Database, monk
     assert [left.pop(key) for key in old] == [["graded"]] * 5
     assert left == {unfinished: ["queued", "running"], recent: ["queued", "running", "graded"]}
     assert pruning.prune(database, LIMIT) == 0
+
+
+def test_sqlite_finds_each_row_that_is_deleted_by_its_key(tmp_path: Path) -> None:
+    plans = list[str]()
+
+    def explain(connection: Any, _cursor: Any, statement: str, parameters: Any, *_: Any) -> None:
+        if statement.startswith("DELETE"):
+            one = parameters[0] if isinstance(parameters, list) else parameters
+            explained = connection.connection.execute(f"EXPLAIN QUERY PLAN {statement}", one)
+            plans.extend(row[3] for row in explained)
+
+    with open_database("sqlite", tmp_path) as database:
+        hand_in(database, OLD, 1)
+        hand_in(database, OLD, 2)
+        event.listen(Engine, "before_cursor_execute", explain)
+        try:
+            assert pruning.prune(database, LIMIT) == 6
+        finally:
+            event.remove(Engine, "before_cursor_execute", explain)
+    assert len(plans) == 2
+    assert all(plan.startswith("SEARCH ") for plan in plans), plans
 
 
 def test_a_listener_hears_the_last_event_and_numbers_go_on(database: Database) -> None:

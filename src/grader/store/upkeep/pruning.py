@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import Select, delete, exists, select, tuple_
+from sqlalchemy import Select, bindparam, delete, exists, select, tuple_
 from sqlalchemy.orm import InstrumentedAttribute, aliased
 
 from grader.store import credentials, people
@@ -71,7 +71,9 @@ def _delete(
     database: Database, table: type[Base], key: Sequence[InstrumentedAttribute[Any]], wanted: Select[Any]
 ) -> int:
     """Deletes the wanted rows in the order of their keys; they are looked for outside of the writing transactions."""
-    count, order = 0, tuple_(*key)
+    count, order, names = 0, tuple_(*key), [f"{column.key}_of_row" for column in key]
+    # Row by row: SQLite reads the whole table for rows whose keys stand in a list, in each of the transactions.
+    one = delete(table).where(*(column == bindparam(name) for column, name in zip(key, names, strict=True)))
     following = wanted.with_only_columns(*key).order_by(*key).limit(BATCH)
     rest = following
     while True:
@@ -80,5 +82,5 @@ def _delete(
         if not keys:
             return count
         with database.write() as session:
-            session.execute(delete(table).where(order.in_(keys)), execution_options={"synchronize_session": False})
+            session.connection().execute(one, [dict(zip(names, row, strict=True)) for row in keys])
         count, rest = count + len(keys), following.where(order > keys[-1])
