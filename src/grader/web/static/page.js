@@ -1,5 +1,5 @@
-// A learner's pages. The server renders all; this sends forms, takes over the parts of the answer that changed, keeps
-// drafts, and follows a script that is being graded. Without it forms work as forms do.
+// A learner's pages. The server renders all; this sends forms, takes over what changed, keeps drafts, and follows a
+// script that is being graded. Without it forms work as forms do.
 
 import { alone, Drafts, same } from "./drafts.js";
 import { localise } from "./times.js";
@@ -14,7 +14,7 @@ const SIGNED_OUT = "You are signed out. Your answer is kept in this browser: sig
 const drafts = new Drafts(document.body.dataset.learner ?? "");
 const announce = document.getElementById("announce");
 const timers = new WeakMap();
-// Films wait for the reader's first move: the first load stays small where one is on the first screen.
+// Films wait for the reader's first move, so that the first load stays small.
 const stirred = new Promise((resolve) => {
   for (const name of ["pointermove", "pointerdown", "keydown", "scroll"]) addEventListener(name, resolve, { once: true, passive: true });
 });
@@ -24,7 +24,7 @@ let taken = 0; // how many pages were taken over
 for (const form of document.querySelectorAll("form[data-answer]")) adopt(form);
 for (const box of document.querySelectorAll(LABS)) watch(box);
 follow();
-window.addEventListener("storage", (event) => {
+addEventListener("storage", (event) => {
   const form = formOf(drafts.changed(event));
   if (form) drafts.mirror(form);
   if (form && drafts.wasSent(event)) refresh(form);
@@ -44,7 +44,7 @@ document.addEventListener("toggle", ({ target }) => {
   if (target.open && target.closest(".statement")) target.scrollIntoView({ block: "nearest" });
 }, true);
 
-const formOf = (name) => name && document.querySelector(`form[data-answer="${CSS.escape(name)}"]`);
+const formOf = (name, page = document) => name && page.querySelector(`form[data-answer="${CSS.escape(name)}"]`);
 
 function adopt(form) {
   form.addEventListener("submit", (event) => { event.preventDefault(); send(form, event.submitter); });
@@ -115,11 +115,11 @@ async function send(form, submitter) {
   drafts.keep(form);
   try {
     const body = form.enctype === "multipart/form-data" ? sent : new URLSearchParams(sent);
-    const post = () => fetch(isStop ? submitter.formAction : form.action, { method: "POST", body, headers: { Accept: "text/html" }, credentials: "same-origin" });
+    const post = () => fetch(isStop ? submitter.formAction : form.action, { method: "POST", body, headers: { Accept: "text/html" } });
     const response = await (document.body.dataset.learner ? post() : alone(post));
     if (response.status === 401) return tell(form, SIGNED_OUT, true);
     const page = await pageOf(response);
-    if (!page.querySelector(`form[data-answer="${CSS.escape(form.dataset.answer)}"]`)) return tell(form, page.querySelector("main p")?.textContent ?? OFFLINE, true);
+    if (!formOf(form.dataset.answer, page)) return tell(form, page.querySelector("main p")?.textContent ?? OFFLINE, true);
     if (response.ok && !isStop) drafts.sent(form);
     take(page, form, typed, response.ok);
     if (isStop) drafts.keep(form); // it is as if it had not been sent
@@ -146,24 +146,28 @@ function take(page, form, sent, wasTaken) {
   for (const id of ["facts", "first", "rail", "under-way", "attempts", "result"]) swap(page, id);
   for (const box of document.querySelectorAll("#result [data-film]")) watch(box);
   if (card) {
-    const { activeElement: held } = document;
-    const isElsewhere = held !== document.body && !card.contains(held);
+    const held = document.activeElement;
     swap(page, card.id);
     const fresh = formOf(form.dataset.answer);
     adopt(fresh);
     const isNewer = !same(typed, sent) && !same(typed, drafts.valueOf(fresh));
-    if (isNewer) { drafts.put(fresh, typed); drafts.keep(fresh); }
-    for (const box of document.getElementById(card.id).querySelectorAll(LABS)) watch(box);
+    const now = document.getElementById(card.id);
+    for (const box of now.querySelectorAll(LABS)) watch(box);
     const wanted = wasTaken ? ["[data-said]"] : ["[aria-invalid]", "[name=answer], [name^='answer.']"];
-    const said = wanted.map((one) => document.getElementById(card.id).querySelector(one)).find(Boolean);
-    if (isNewer) hold(document.getElementById(held.id), held);
-    else if (isElsewhere) announce.textContent = said?.querySelector("[data-status]")?.textContent ?? "";
+    const said = wanted.map((one) => now.querySelector(one)).find(Boolean);
+    if (isNewer) { // typing goes on
+      drafts.put(fresh, typed);
+      drafts.keep(fresh);
+      const field = document.getElementById(held.id);
+      field?.focus({ preventScroll: true });
+      if (held.selectionEnd) field?.setSelectionRange(held.selectionStart, held.selectionEnd);
+    } else if (held !== document.body && !card.contains(held)) announce.textContent = said?.querySelector("[data-status]")?.textContent ?? "";
     else if (document.hasFocus()) {
       said?.focus({ preventScroll: true });
       said?.scrollIntoView({ block: "nearest", behavior: "instant" });
     }
   } else {
-    const fresh = page.querySelector(`form[data-answer="${CSS.escape(form.dataset.answer)}"]`);
+    const fresh = formOf(form.dataset.answer, page);
     for (const name of ["after", "learner"]) form.elements[name].value = fresh.elements[name].value;
     form.closest(".exercise")?.classList.toggle("tried", Boolean(page.querySelector(".exercise.tried")));
     if (typed.answer?.[0] && sent !== null && !same(typed, sent)) drafts.keep(form);
@@ -171,12 +175,6 @@ function take(page, form, sent, wasTaken) {
   }
   if (announce && !wasTaken) announce.textContent = formOf(form.dataset.answer).querySelector("[data-trouble]").textContent;
   follow();
-}
-
-// Goes on in a field where its copy was being typed in.
-function hold(field, copy) {
-  field?.focus({ preventScroll: true });
-  if (copy.selectionStart !== null) field?.setSelectionRange?.(copy.selectionStart, copy.selectionEnd);
 }
 
 // The first answer has begun a session: every form of the page gets its name.
@@ -203,7 +201,7 @@ async function refresh(form) {
 // The status and the page at an address; no page where the server has none or cannot be reached.
 async function ask(address) {
   try {
-    const response = await fetch(address, { headers: { Accept: "text/html" }, credentials: "same-origin" });
+    const response = await fetch(address, { headers: { Accept: "text/html" } });
     return [response.status, response.ok ? await pageOf(response) : null];
   } catch {
     return [0, null];
@@ -220,7 +218,7 @@ function follow() {
   const form = node.closest("form");
   const again = async () => {
     const [status, page] = await ask(location.pathname);
-    if (source !== mine) return; // asked for before the page changed, so it may be older than what stands here
+    if (source !== mine) return; // asked for before the page changed
     if (page) return arrive(page, form);
     tell(form, status === 401 ? SIGNED_OUT : "The connection is lost; your script is graded all the same.", true);
     if (status !== 401) setTimeout(follow, 2 * POLL_MS);
