@@ -79,7 +79,7 @@ def certify_stage(key: OptionKey, verify: ByStage, model_xml: ModelXml) -> Certi
 
 
 Observed = Sequence[tuple[str, str]]
-"""What stands in a field before and after each call of mj_step."""
+"""The summaries of a field before and after each call of mj_step."""
 
 
 def find_first_change(observed: Observed) -> int:

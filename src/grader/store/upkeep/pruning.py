@@ -72,7 +72,7 @@ def _delete(
 ) -> int:
     """Deletes the wanted rows in the order of their keys; they are looked for outside of the writing transactions."""
     count, order, names = 0, tuple_(*key), [f"{column.key}_of_row" for column in key]
-    # Row by row: SQLite reads the whole table for rows whose keys stand in a list, in each of the transactions.
+    # Row by row: for a list of composite keys SQLite reads the whole table.
     one = delete(table).where(*(column == bindparam(name) for column, name in zip(key, names, strict=True)))
     following = wanted.with_only_columns(*key).order_by(*key).limit(BATCH)
     rest = following

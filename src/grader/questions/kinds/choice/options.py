@@ -107,7 +107,7 @@ def remark_options(options: Sequence[str], whys: Sequence[str]) -> Iterator[Rema
     texts = enumerate(map(option_text, options))
     if (text := next((text for index, text in texts if _as_index(text) not in (None, index)), None)) is not None:
         yield Remark(
-            "options", f"whoever types {text} chooses by number, from 0, and not this option: add a word to it"
+            "options", f"{text}, where it is typed, is read as an index from 0, not as this option: add a word to it"
         )
 
 
