@@ -67,6 +67,13 @@ def without(part: Mapping[str, Any], key: str) -> dict[str, Any]:
     return {name: value for name, value in part.items() if name != key}
 
 
+def test_quizzes_stand_in_the_order_of_their_lessons_and_numbers(root: Path) -> None:
+    names = ["1.9-check", "1.10-check", "2.1-check", "10.1-check", "quiz", "week-9", "week-10"]
+    for name in names:
+        write(root, MCQ, name=name)
+    assert list(load(root).quizzes) == names
+
+
 def test_ids_are_given_by_position(root: Path) -> None:
     write(root, MCQ, {**NUMERIC, "id": "mine"}, OPEN)
     library = load(root)

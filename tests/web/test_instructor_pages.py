@@ -603,3 +603,18 @@ def test_a_script_that_waits_is_told_how_many_are_before_it(site: Site, tina: ht
     assert '<button class="push" disabled>' in seen
     assert "rk4_step(model, data): pass" in seen
     assert re.findall(r"<form[^>]*(?:method|action)", seen) == []
+
+
+def test_marks_of_direction_in_answers_are_written_out(site: Site, tina: httpx.Client) -> None:
+    source = 'def rk4_step(model, data):\n    "right-to-left: \u202e and an isolate: \u2066"\n'
+    body = {"quiz": "3-scripts", "question": "rk4-step", "answer": {"source": source}}
+    learner = browser(site, "bidi")
+    made = learner.post(f"{API}/submissions", json=body).json()
+    for path in (
+        f"/instructor/review/{answer(learner, '2-graded', 'why', source)['id']}?which=submissions",
+        f"/instructor/learners/{made['learner']}",
+        f"/instructor/learners/{made['learner']}/reel/3-scripts/rk4-step",
+    ):
+        seen = page(tina, path)
+        assert "right-to-left: [U+202E] and an isolate: [U+2066]" in seen, path
+        assert not {"\u202e", "\u2066"} & {*seen}, path

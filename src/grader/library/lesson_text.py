@@ -15,6 +15,7 @@ from grader.domain.pages.markup import plain_text, quoted
 from grader.domain.pages.media import Media, find_named, find_path
 from grader.errors import Fault
 from grader.library.checking.prose_remarks import list_prose_remarks
+from grader.library.lesson_ids import find_lesson_id
 from grader.library.markdown.front_matter import read_front_matter, split_front_matter
 from grader.library.markdown.parser import make_parser, split_blocks
 from grader.library.media import place_in_text
@@ -26,11 +27,7 @@ BLOCKS_MAX = 2000
 
 PARSER = make_parser(of_lessons=True)
 
-NUMBERED = re.compile(r"(\d+(?:\.\d+)*)-")
 UNFIT = re.compile(r"[^a-z0-9]+")
-OTHER = "questions"
-"""The lesson of quizzes whose ids begin with no number."""
-
 LINKS = ("https://", "http://", "mailto:", "/lessons/")
 """What a link may begin with, besides `#` and a heading of this lesson."""
 
@@ -187,12 +184,6 @@ def find_number(name: str) -> str:
     """Returns the first number in the name of a lesson's file, such as 1.3; empty where it has none."""
     match = NAME.search(name)
     return "" if match is None else match[0]
-
-
-def find_lesson_id(quiz_id: str) -> str:
-    """Returns the lesson that a quiz belongs to."""
-    match = NUMBERED.match(quiz_id)
-    return OTHER if match is None else match[1]
 
 
 def read_lesson(

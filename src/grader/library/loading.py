@@ -28,6 +28,7 @@ from grader.library.checking.semantics import (
 )
 from grader.library.files import MODEL_BYTES_MAX, QUIZ_BYTES_MAX, list_files, list_unread_files, read_text
 from grader.library.json_text import json_faults
+from grader.library.lesson_ids import rank_quiz
 from grader.library.media import find_named_media, place_media, read_media
 from grader.library.quiz_files import list_quiz_files, parse_quiz
 from grader.library.quiz_source import QuizSource
@@ -80,6 +81,7 @@ def load(
         loading.faults.append(Fault("quizzes", "*.json", f"{lacks} (GRADER_CONTENT names it)"))
     for name in names:
         _load_quiz(loading, name)
+    loading.quizzes = {name: loading.quizzes[name] for name in sorted(loading.quizzes, key=rank_quiz)}
     if only is None and not loading.faults:  # a lesson names quizzes, which must be whole
         _load_lessons(loading)
     if loading.faults:

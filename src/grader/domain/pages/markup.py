@@ -42,6 +42,17 @@ def spell_letter(command: re.Match[str]) -> str:
         return command[0]
 
 
+DIRECTIONS = str.maketrans({code: f"[U+{code:04X}]" for code in (0x61C, 0x200E, 0x200F, *range(0x202A, 0x202F),
+                                                               *range(0x2066, 0x206A))})  # fmt: skip
+"""Characters that order others and are not seen themselves. Source: Unicode Standard Annex 9."""
+
+
+def show_directions(text: str) -> str:
+    """Returns what was typed with its invisible marks of direction written out: with one, a script is read in another
+    order than the one in which it runs."""
+    return text.translate(DIRECTIONS)
+
+
 def quoted(text: str) -> str:
     """Quote what a student typed, printable and short enough to repeat in a sentence."""
     clean = "".join(c if c.isprintable() else " " for c in text[:200]).strip()

@@ -13,7 +13,7 @@ from jinja2 import ChoiceLoader, FileSystemBytecodeCache, FileSystemLoader, Func
 from jinja2.bccache import Bucket
 
 from grader import labs
-from grader.domain.pages.markup import spoken_text
+from grader.domain.pages.markup import show_directions, spoken_text
 from grader.gate.services import services_in
 from grader.labs import lab_kinds
 from grader.questions import installed_kinds, template_of
@@ -88,6 +88,7 @@ templates.env.filters |= {
     "prose": cached_prose,
     "remark": numbers.remark,
     "spoken": spoken_text,
+    "typed": show_directions,
     "unbroken": numbers.unbroken,
 }
 

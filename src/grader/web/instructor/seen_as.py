@@ -18,7 +18,7 @@ from grader.courses.reviewing.desk import Desk
 from grader.errors import NotFound
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
-from grader.library.lesson_text import find_lesson_id
+from grader.library.lesson_ids import find_lesson_id
 from grader.questions import Quiz, kind_of
 from grader.store import people, submissions
 from grader.web.frame.inputs import Instructor

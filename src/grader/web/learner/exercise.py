@@ -7,7 +7,7 @@ from typing import Any
 
 from grader.errors import NotFound
 from grader.library import Library
-from grader.library.lesson_text import find_lesson_id
+from grader.library.lesson_ids import find_lesson_id
 from grader.questions import Quiz
 from grader.web.learner.lesson import WITH_AN_INSTRUCTOR, Asked, Typed, describe_question, list_facts
 from grader.web.text.lessons import describe_lesson

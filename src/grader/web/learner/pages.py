@@ -13,7 +13,7 @@ from grader.errors import NotFound, Unauthorized
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.library import Library
-from grader.library.lesson_text import OTHER, find_lesson_id
+from grader.library.lesson_ids import OTHER, find_lesson_id
 from grader.pack.kit import build_kit
 from grader.questions import kind_of
 from grader.queue import jobs

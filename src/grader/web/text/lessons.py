@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 from grader.domain.pages.markup import plain_text
 from grader.library import Library
-from grader.library.lesson_text import OTHER, LessonText, find_lesson_id
+from grader.library.lesson_ids import OTHER, find_lesson_id, rank_lesson
+from grader.library.lesson_text import LessonText
 from grader.questions import LessonHead, Quiz
 
 
@@ -43,11 +44,6 @@ def group_lessons(library: Library) -> list[Lesson]:
         Lesson(name, describe_lesson(name), tuple(groups[name]), library.lessons.get(name))
         for name in sorted(groups, key=rank_lesson)
     ]
-
-
-def rank_lesson(lesson: str) -> tuple[int, ...]:
-    """Returns what lessons are sorted by: 1.9 before 1.10, and those without a number at the end."""
-    return (1,) if lesson == OTHER else (0, *map(int, lesson.split(".")))
 
 
 def describe_lesson(lesson: str) -> str:
