@@ -27,7 +27,8 @@ from grader.labs import DEFAULT, lab_adapter, lab_kind_of, lab_kinds
 from grader.library.checking.schema import QUIZ, Part, validate
 from grader.library.checking.semantics import unknown_kind
 from grader.library.json_text import json_faults, parse_json
-from grader.library.lesson_text import find_lesson_id, find_number
+from grader.library.lesson_ids import find_lesson_id
+from grader.library.lesson_text import find_number
 from grader.library.markdown.front_matter import read_front_matter, split_front_matter
 from grader.questions import AnyKind, installed_kinds, kind_of
 
