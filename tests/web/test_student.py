@@ -141,6 +141,25 @@ def test_a_verdict_that_arrives_while_one_types_leaves_the_caret_where_it_is(vis
     expect(typed.get_by_role("textbox")).to_be_focused()
 
 
+def test_how_a_number_is_read_does_not_replace_that_it_is_being_sent(visit: Visit) -> None:
+    card, travelling = visit.card("1.3-check", "q2"), dict[str, Route]()
+
+    def hold(route: Route) -> None:
+        travelling[route.request.url.rpartition("/")[2]] = route
+
+    visit.page.route(re.compile(r"/quizzes/1\.3-check/q2$|/answers:validate$"), hold)
+    with visit.page.expect_request("**/answers:validate"):
+        card.get_by_role("textbox").fill("7 ms")
+    card.get_by_role("button").click()
+    expect(card.locator("[data-trouble]")).to_have_text("Sending…")
+    with visit.page.expect_response("**/answers:validate"):
+        travelling["answers:validate"].continue_()
+    visit.page.evaluate("new Promise(done => setTimeout(done, 100))")
+    expect(card.locator("[data-trouble]")).to_have_text("Sending…")
+    travelling["q2"].continue_()
+    expect(card.locator("[data-said]")).to_contain_text("7 ms is too high")
+
+
 def test_an_answer_that_waits_for_a_person_is_no_lost_point(visit: Visit) -> None:
     visit.card("1.3-check", "q4").get_by_role("textbox").fill("I would halve the step.")
     visit.card("1.3-check", "q4").get_by_role("button").click()

@@ -4,7 +4,6 @@
 import { alone, Drafts, same } from "./drafts.js";
 import { localise } from "./times.js";
 
-const TYPING_MS = 300;
 const POLL_MS = 1500;
 const SILENCE_MS = 6000;
 const LABS = "[data-form], [data-film]";
@@ -13,10 +12,11 @@ const SIGNED_OUT = "You are signed out. Your answer is kept in this browser: sig
 
 const drafts = new Drafts(document.body.dataset.learner ?? "");
 const announce = document.getElementById("announce");
-const timers = new WeakMap();
-// Films wait for the reader's first move, so that the first load stays small.
+const here = { drafts, tell, OFFLINE };
+const fields = (use) => import("./fields.js").then(use).catch(() => {}); // what is not needed before something is typed
+// Films wait for the reader's first move, so that the first load stays small. A page may also scroll by itself.
 const stirred = new Promise((resolve) => {
-  for (const name of ["pointermove", "pointerdown", "keydown", "scroll"]) addEventListener(name, resolve, { once: true, passive: true });
+  for (const name of ["pointermove", "pointerdown", "keydown", "wheel"]) addEventListener(name, resolve, { once: true, passive: true });
 });
 let source = null; // the events of the script that is being graded
 let taken = 0; // how many pages were taken over
@@ -48,13 +48,13 @@ const formOf = (name, page = document) => name && page.querySelector(`form[data-
 
 function adopt(form) {
   form.addEventListener("submit", (event) => { event.preventDefault(); send(form, event.submitter); });
-  form.addEventListener("input", () => { drafts.keep(form); stepBack(form); if (form.querySelector("[data-echo]")) echo(form); });
+  form.addEventListener("input", () => { drafts.keep(form); stepBack(form); if (form.querySelector("[data-echo]")) fields(({ echo }) => echo(form, here)); });
   drafts.restore(form);
   stepBack(form);
   for (const node of form.querySelectorAll("[data-js]")) node.hidden = false;
   const parts = form.querySelector("[data-arrange]");
   if (parts) import("./arrange.js").then(({ arrange }) => arrange(parts)).catch(() => {});
-  form.querySelector("[data-file]")?.addEventListener("change", (event) => load(form, event.target));
+  form.querySelector("[data-file]")?.addEventListener("change", ({ target }) => fields(({ load }) => load(form, target, here)));
   const code = form.querySelector("textarea.code");
   if (code) numberLines(code, code.previousElementSibling);
   const edit = () => import("./editor.js").then(({ openEditor }) => openEditor(code)).catch(() => {});
@@ -255,40 +255,6 @@ function count(node) {
     setTimeout(tick, 1000);
   };
   tick();
-}
-
-// Says how a number is read while it is typed; the API's module is fetched when it is first needed.
-function echo(form) {
-  clearTimeout(timers.get(form));
-  const typed = drafts.valueOf(form);
-  if (Object.values(typed).flat().some((value) => !value.trim())) return tell(form, "");
-  const parts = Object.entries(typed).map(([name, [value]]) => [name.slice("answer.".length), value]);
-  const answer = typed.answer?.[0] ?? Object.fromEntries(parts);
-  timers.set(form, setTimeout(async () => {
-    const [quiz, question] = form.dataset.answer.split("/");
-    try {
-      const { post } = await import("./api.js");
-      const understood = await post("/answers:validate", { quiz, question, answer });
-      if (!same(drafts.valueOf(form), typed)) return;
-      tell(form, understood.valid ? `read as ${understood.read_as}` : understood.message, !understood.valid);
-    } catch (error) {
-      if (same(drafts.valueOf(form), typed)) tell(form, error.status ? error.message : OFFLINE, true, false);
-    }
-  }, TYPING_MS));
-}
-
-async function load(form, input) {
-  const [file] = input.files;
-  if (!file) return;
-  try {
-    const text = new TextDecoder("utf-8", { fatal: true }).decode(await file.arrayBuffer());
-    drafts.put(form, { answer: [text] });
-    drafts.keep(form);
-    tell(form, `${file.name} is loaded; not handed in yet.`);
-  } catch {
-    tell(form, "This file is not UTF-8 text; save it as plain text.", true);
-  }
-  input.value = "";
 }
 
 // Labs and films are fetched when they come near the screen.
