@@ -474,6 +474,23 @@ def test_no_page_has_a_fault_or_scrolls_sideways(browser: Chromium, origin: str,
     assert page.evaluate("document.documentElement.scrollHeight") < 150 * 18  # 17 people, none unfolded
 
 
+SIGNS_ON_TEXT = """() => [...document.querySelectorAll('.mark > svg')].filter(sign => {
+  const words = document.createRange();
+  words.selectNodeContents(sign.parentElement);
+  words.setStartAfter(sign);
+  const [at, text] = [sign.getBoundingClientRect(), words.getBoundingClientRect()];
+  return at.width && text.width && text.left < at.right - 1 && at.left < text.right - 1;
+}).map(sign => sign.parentElement.textContent.trim())"""
+"""The words on which their sign lies."""
+
+
+def test_no_sign_lies_on_its_word(desk: Page) -> None:
+    for path in ("/instructor/class/1.3-check/q1", "/instructor/statistics?quiz=1.3-check"):
+        desk.goto(path)
+        assert desk.locator(".mark > svg").count(), path
+        assert desk.evaluate(SIGNS_ON_TEXT) == [], path
+
+
 INSTRUCTORS = (
     "", "/stuck", "/service", "/review", "/review?which=submissions", "/gradebook", "/statistics", "/alike",
     "/regrades", "/extensions", "/content", "/draft", "/dates", "/certificates", "/people", "/people/invitations",

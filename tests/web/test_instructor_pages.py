@@ -618,3 +618,11 @@ def test_marks_of_direction_in_answers_are_written_out(site: Site, tina: httpx.C
         seen = page(tina, path)
         assert "right-to-left: [U+202E] and an isolate: [U+2066]" in seen, path
         assert not {"\u202e", "\u2066"} & {*seen}, path
+
+
+def test_a_class_that_has_solved_a_question_is_told_nothing_more(site: Site, tina: httpx.Client) -> None:
+    at = "/instructor/class/small/q1"
+    answer(site.client("ann"), "small", "q1", 1)
+    assert "Nothing: everybody who answered has solved it." in words(page(tina, at))
+    answer(site.client("bob"), "small", "q1", 0)
+    assert "Nothing: everybody" not in words(page(tina, at))
