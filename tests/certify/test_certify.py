@@ -583,6 +583,7 @@ def test_a_claim_of_another_form_is_no_question(claim: dict[str, Any]) -> None:
         ({"when": "max", "level": 0.5}, "remove `level`: with when max it has no effect, only with crossing"),
         ({"when": "period", "direction": "down"}, "only with crossing, crossings"),
         ({"when": "end", "count": 2}, "remove `count`: with when end it has no effect, only with crossing"),
+        ({"when": "end", "since": 1}, "remove `since`: with when end it has no effect, only with max"),
         ({"when": "mean", "band": 0.1}, "only with settling"),
         ({"when": "settling"}, "give `band`"),
         ({"when": "crossing", "level": 0.5, "direction": "down", "count": 2, "since": 0.01}, None),

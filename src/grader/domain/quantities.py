@@ -26,7 +26,7 @@ BASE_UNITS = dict.fromkeys(TIMES, "s") | {"frequency": "Hz", "decay_rate": "1/s"
 Direction = Literal["up", "down", "either"]
 
 WINDOW_KEYS: Mapping[str, tuple[str, ...]] = {
-    "since": ("end", "final", *get_args(Summary)),
+    "since": get_args(Summary),
     "until": ("end", "final", *get_args(Summary)),
     "level": ("crossing", "crossings", "period", "frequency", "decay_rate", "settling"),
     "band": ("settling",),
