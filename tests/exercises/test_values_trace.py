@@ -146,6 +146,27 @@ def test_a_wrong_result_is_judged_where_a_residual_over_data_decides(grade: Call
     assert (verdict.status, verdict.points) == ("incorrect", 0)
 
 
+@pytest.mark.parametrize(
+    ("returned", "said"),
+    [
+        ("0.0, np.degrees(data.qpos[0])", "second is in degrees: give it in radians."),
+        ("0.0, 0.5 * data.qpos[0]", "second is half of what it should be"),
+        ("0.1, -data.qpos[0]", ""),
+        ("np.degrees(np.pi), np.degrees(data.qpos[0])", ""),
+    ],
+)
+def test_a_result_that_satisfies_the_residual_once_it_is_mended_is_told_how(
+    returned: str, said: str, grade: Callable[..., Verdict]
+) -> None:
+    program = "def missed(model, data, first, second):\n    return abs(first) + abs(second - data.qpos[0])\n"
+    functions = [{"results": [{"name": "first"}, {"name": "second"}], "residual": {"function": "missed", "atol": 1e-6}}]
+    source = f"import numpy as np\ndef two(model, data):\n    return {returned}\n"
+    verdict = grade(source, program, {**MODEL, "functions": functions, "luck": 1})
+    assert verdict.points == 0
+    assert (verdict.diagnosis or "").startswith(said)
+    assert said or "second" not in (verdict.diagnosis or "")
+
+
 CONTROL: dict[str, Any] = {**MODEL, "functions": [{"results": [{"name": "torque", "field": "qfrc_applied"}]}]}
 HOLDS = (
     "import mujoco\ndef two(model, data):\n    mujoco.mj_forward(model, data)\n"

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import permutations
 
 import mujoco
@@ -16,7 +17,13 @@ from grader.exercises.kinds.values.call_trace import (
 )
 from grader.exercises.kinds.values.input_mistakes import explain_by_inputs
 from grader.exercises.kinds.values.judging.driver import Rows, compile_model, start_data
-from grader.exercises.kinds.values.judging.judge import Comparisons, compute_tolerance, find_largest, fits
+from grader.exercises.kinds.values.judging.judge import (
+    Comparisons,
+    compare_residual,
+    compute_tolerance,
+    find_largest,
+    fits,
+)
 from grader.exercises.kinds.values.mutants.matching import RunJob, name_edit
 from grader.exercises.kinds.values.parameters import Problem, Result, ValuesParameters
 from grader.exercises.kinds.values.student_call import StudentCall, is_given_by
@@ -79,7 +86,7 @@ def find_mistake(calls: Sequence[StudentCall]) -> str | None:
         return sentence
     if is_stale(calls):
         return "You give the same results for every call: they must depend on the arguments of the call."
-    return find_sentence(RULES, wrong) if is_compared else None
+    return find_sentence(RULES, wrong) if is_compared else explain_by_residual(wrong)
 
 
 def explain_missing(wrong: Sequence[StudentCall]) -> str | None:
@@ -117,10 +124,12 @@ def explain_by_programs(wrong: Sequence[StudentCall]) -> str | None:
 
 @dataclass(frozen=True)
 class WrongResult:
-    """A mistake that turns a right result into `alter(result)`; {name} in the sentence is the name of the result."""
+    """A mistake that turns a right result into `alter(result)`, and `mend` back; {name} in the sentence is the name of
+    the result."""
 
     sentence: str
     alter: Callable[[Rows], Rows]
+    mend: Callable[[Rows], Rows]
 
 
 def transpose(right: Rows) -> Rows:
@@ -130,16 +139,50 @@ def transpose(right: Rows) -> Rows:
 
 WRONG_RESULTS: tuple[WrongResult, ...] = (
     WrongResult(
-        "{name} has the wrong sign: it is the negative of what it should be. Check the direction.", np.negative
+        "{name} has the wrong sign: it is the negative of what it should be. Check the direction.",
+        np.negative, np.negative,
     ),
-    WrongResult("{name} is twice what it should be: look for a factor of 2 too many.", lambda right: 2 * right),
-    WrongResult("{name} is half of what it should be: look for a missing factor of 2.", lambda right: right / 2),
-    WrongResult("{name} is in degrees: give it in radians.", np.rad2deg),
-    WrongResult("{name} was converted to radians once too often: its angles are in radians already.", np.deg2rad),
-    WrongResult("{name} is 1000 times too large: look for milli-units.", lambda right: 1000 * right),
-    WrongResult("{name} is 1000 times too small: look for milli-units.", lambda right: right / 1000),
-    WrongResult("{name} is transposed: swap its rows and columns.", transpose),
-)
+    WrongResult(
+        "{name} is twice what it should be: look for a factor of 2 too many.", partial(np.multiply, 2),
+        partial(np.multiply, 0.5),
+    ),
+    WrongResult(
+        "{name} is half of what it should be: look for a missing factor of 2.", partial(np.multiply, 0.5),
+        partial(np.multiply, 2),
+    ),
+    WrongResult("{name} is in degrees: give it in radians.", np.rad2deg, np.deg2rad),
+    WrongResult(
+        "{name} was converted to radians once too often: its angles are in radians already.", np.deg2rad, np.rad2deg
+    ),
+    WrongResult(
+        "{name} is 1000 times too large: look for milli-units.", partial(np.multiply, 1000), partial(np.multiply, 0.001)
+    ),
+    WrongResult(
+        "{name} is 1000 times too small: look for milli-units.", partial(np.multiply, 0.001), partial(np.multiply, 1000)
+    ),
+    WrongResult("{name} is transposed: swap its rows and columns.", transpose, transpose),
+)  # fmt: skip
+
+
+def explain_by_residual(wrong: Sequence[StudentCall]) -> str | None:
+    """Returns the sentence of a mistake in one result, or in all, without which they satisfy the author's residual."""
+    names = [result.name for result in wrong[0].problem.function.results]
+    for mistake in WRONG_RESULTS:
+        for altered in dict.fromkeys([*((name,) for name in names), tuple(names)]):
+            if all(satisfies_mended(one, altered, mistake.mend) for one in wrong):
+                return mistake.sentence.format(name=" and ".join(altered))
+    return None
+
+
+def satisfies_mended(call: StudentCall, altered: Sequence[str], mend: Callable[[Rows], Rows]) -> bool:
+    """Whether a call's results, which have the declared shapes, satisfy the residual once these are mended."""
+    asked, answer = call.comparison.call, call.comparison.answer
+    values = answer.values or ()
+    if [got.shape for got in values] != call.problem.list_shapes(asked):
+        return False
+    named = zip(call.problem.function.results, values, strict=True)
+    mended = tuple(mend(got) if result.name in altered else got for result, got in named)
+    return not compare_residual(call.problem, asked, answer, mended).why
 
 
 def explain_by_results(wrong: Sequence[StudentCall]) -> str | None:
