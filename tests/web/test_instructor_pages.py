@@ -626,3 +626,13 @@ def test_a_class_that_has_solved_a_question_is_told_nothing_more(site: Site, tin
     assert "Nothing: everybody who answered has solved it." in words(page(tina, at))
     answer(site.client("bob"), "small", "q1", 0)
     assert "Nothing: everybody" not in words(page(tina, at))
+
+
+def test_the_two_sentences_for_a_class_are_about_two_mistakes(site: Site, tina: httpx.Client) -> None:
+    given = {"ann": ("10", "5"), "bob": ("10", "5"), "cem": ("10", "5"), "dee": ("0.005",), "eve": ("0.005", "5")}
+    for name, numbers in given.items():
+        for number in numbers:
+            answer(site.client(name), "small", "q2", number)
+    told = words(page(tina, "/instructor/class/small/q2")).partition("What to say on Monday")[2]
+    assert "1 of 5 learners still get this verdict, 1 no longer: “Your number would be right in seconds (s).”" in told
+    assert "3 learners met “Your number is off by a factor of two”; 3 got past it." in told

@@ -202,21 +202,22 @@ def choose_headline(at: ClassAt, axis: ClassAxis | None, plot: ClassPlot | None)
 def advise(at: ClassAt, axis: ClassAxis | None, plot: ClassPlot | None) -> list[str]:
     """Returns what to say to the class: at most two sentences, from the numbers; none where there is nothing to say."""
     sentences = []
-    for family in sorted(at.families, key=lambda one: (-len(one.still), -one.learners))[:1]:
-        if family.learners > 1:
-            cure = find_cure(family.sentence)
-            mended = f", {len(family.was)} no longer" if family.was else ""
-            still = "answer so" if family.key.startswith(OPTION) else "get this verdict"
-            count = f"{len(family.still)} of {at.learners} learners still {still}{mended}"
-            sentences.append(f"{count}: “{family.name}.”" + (f" Say: {cure}" if cure else ""))
+    shared = [family for family in at.families if family.learners > 1]
+    first = min(shared, key=lambda one: (-len(one.still), -one.learners), default=None)
+    other = next((family for family in shared if family is not first), None)
+    if first is not None:
+        cure = find_cure(first.sentence)
+        mended = f", {len(first.was)} no longer" if first.was else ""
+        still = "answer so" if first.key.startswith(OPTION) else "get this verdict"
+        count = f"{len(first.still)} of {at.learners} learners still {still}{mended}"
+        sentences.append(f"{count}: “{first.name}.”" + (f" Say: {cure}" if cure else ""))
     wrong = find_wrong_pile(at, axis)
     if axis is not None and plot is not None and wrong is not None:
-        shared, value = wrong
-        same = f"{shared} learners have the same {axis.measure}, {value}" if axis.measure else ""
-        common = same or f"The commonest wrong answer is {value} ({shared} learners)"
+        count_of_wrong, value = wrong
+        same = f"{count_of_wrong} learners have the same {axis.measure}, {value}" if axis.measure else ""
+        common = same or f"The commonest wrong answer is {value} ({count_of_wrong} learners)"
         sentences.append(f"{common}; {describe_right(axis)}.")
-    elif len(at.families) > 1 and at.families[1].learners > 1:
-        other = at.families[1]
+    elif other is not None:
         sentences.append(f"{other.learners} learners met “{other.name}”; {len(other.was)} got past it.")
     elif axis is not None and plot is not None and axis.right is not None and plot.claims:
         sentences.append(f"{plot.near} of {plot.claims} answers are right here; {describe_right(axis)}.")
