@@ -60,4 +60,5 @@ def list_slides(at: ClassAt, plot: ClassPlot | None, headline: str) -> Iterator[
 
 def describe_count(at: ClassAt, family: Family) -> str:
     """Says how many learners a mistake is about."""
-    return f"{family.learners} of {at.learners} met it, {len(family.still)} still do"
+    still = len(family.still)
+    return f"{family.learners} of {at.learners} met it, {still} still {'does' if still == 1 else 'do'}"
