@@ -229,7 +229,7 @@ def test_a_film_says_why_an_episode_ended_early() -> None:
         "": {},
         "ZeroDivisionError at 0.01 s": {"fault": fault},
         "blew up at 0.01 s": {"lost_at_s": 0.02},
-        "over at 0.01 s": {"is_over": True},
+        "ends at 0.01 s": {"is_over": True},
     }
     for told, how in ends.items():
         assert describe_end(Record(cast(Any, None), times, **how)) == told

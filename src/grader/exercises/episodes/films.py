@@ -83,7 +83,7 @@ def describe_end(record: Record) -> str:
         return f"{record.fault.what.partition(':')[0]} {at}"
     if record.lost_at_s is not None:
         return f"blew up {at}"
-    return f"over {at}" if record.is_over else ""
+    return f"ends {at}" if record.is_over else ""
 
 
 def record_films(trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any]) -> Sequence[Film]:

@@ -44,6 +44,10 @@ WRITES = (
 )
 NOTHING = "The controls never change: the function does not use what it observes."
 CONSTANT = "The controls do not change during an episode: they must follow what is observed as it changes."
+TRUTH = (
+    "The controls are 0 or 1 and nothing between, as what a comparison gives: return the control itself, not whether "
+    "it is above a bound."
+)
 STALE = (
     "The controls follow what was observed one step before. Compute them from the observation of this call, and only "
     "then keep it for the next."
@@ -99,6 +103,8 @@ def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged])
     sentences = [sentence for one, record in records for sentence in find_sentences(parameters, one, record)]
     if is_tuned:  # only what is wrong whatever the case is
         return next((one for one in sentences if one.endswith(DEGREES_END)), TUNED)
+    if are_truth_values(judged):
+        return TRUTH
     sentence = next(iter(sentences), None)
     if sentence == HANGS and ignores_target(parameters, judged):
         return MISSING.format(name="the target")
@@ -109,6 +115,14 @@ def is_always_the_same(judged: Sequence[Judged]) -> bool:
     """Whether the controls are the same in every step of every episode."""
     asked = [one.asked for each in judged for one in each.judgement.outcome.records if len(one.asked)]
     return not asked or bool(np.ptp(np.vstack(asked), axis=0).max() == 0)
+
+
+def are_truth_values(judged: Sequence[Judged]) -> bool:
+    """Whether every control is 0 or 1, both occur, and no actuator has these limits."""
+    asked = [one.asked for each in judged for one in each.judgement.outcome.records if len(one.asked)]
+    ranges = [scene.scene.model.actuator_ctrlrange for each in judged for scene in each.trial.problem.episodes]
+    is_switch = any(np.array_equal(limits, (0, 1)) for each in ranges for limits in each)
+    return not is_switch and {0.0, 1.0} == {value for each in asked for value in np.unique(each).tolist()}
 
 
 def ignores_target(parameters: ControllerParameters, judged: Sequence[Judged]) -> bool:
