@@ -72,7 +72,8 @@ class Plant:
 
     def clip(self, controls: Vector) -> Vector:
         """Returns controls (nu,) within the actuators' ranges."""
-        return np.asarray(np.minimum(np.maximum(controls, self._low), self._high))
+        clipped: Vector = np.minimum(np.maximum(controls, self._low), self._high)
+        return clipped
 
     @property
     def power_w(self) -> float:

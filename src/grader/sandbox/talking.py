@@ -3,6 +3,7 @@ jail. The pipes are those of every run, served by the thread that watches the ch
 answer to each message, of limited length. A process that answers before it is asked, or too long, is ended."""
 
 import os
+import select
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -21,6 +22,10 @@ PASSING_S = 0.005
 the answer lies in the pipe until we get a core. Ten thousand answers may so take a minute more."""
 
 
+HEARING_MS = 2
+"""How long an answer is waited for before the other pipes are looked at."""
+
+
 class TalkingWatch(Watch):
     """A watch of a job with a `talk`, to which it is the channel."""
 
@@ -31,6 +36,8 @@ class TalkingWatch(Watch):
         self._heard = job.heard
         self._talks, self._ended = True, False
         self._part_ends_cpu_s = float("inf")
+        self._answers = select.poll()
+        self._answers.register(child.results, select.POLLIN)
 
     def ask(self, message: bytes) -> bytes:
         """Send a message and return the answer. Raises ChannelClosed."""
@@ -39,11 +46,21 @@ class TalkingWatch(Watch):
         else:
             self._send(message)
         asked_at = time.monotonic()
+        self._aside_s += asked_at - self._left_at
+        self._hear()
+        self._left_at = time.monotonic()
         self._serve_until(lambda: self._wants.answer is not None and not self._wants.unasked)
         answer, self._wants.answer = self._wants.answer, None
         assert answer is not None
         self._aside_s += min(PASSING_S, time.monotonic() - asked_at)
         return answer
+
+    def _hear(self) -> None:
+        """Wait a moment for the answer alone. Most come at once, and to look at every pipe takes longer than they do;
+        what the script prints meanwhile lies in its pipe."""
+        is_due = self._cause is not None or bool(self._unsent) or time.monotonic() >= self._check_at
+        if not is_due and self._answers.poll(HEARING_MS):
+            self._take(self._child.results)
 
     def end(self) -> None:
         """Tell the driver that the messages of one trial end here."""

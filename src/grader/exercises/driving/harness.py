@@ -182,7 +182,7 @@ def built_in(error: BaseException) -> type[BaseException]:
 def exchange(answer: bytes | None) -> bytes | None:
     """Sends an answer of the driver's, unless it is None, and returns the next message, None at the trial's end."""
     message: bytes | None = GIVEN["exchange"](answer)
-    STATE.update(asked=True, over=message is None)
+    STATE["asked"], STATE["over"] = True, message is None
     return message
 
 

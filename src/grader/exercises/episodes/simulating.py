@@ -35,7 +35,7 @@ class Fault:
 class Record:
     """What happened in one episode, a row for each control period: time [s], positions (nq,), the tracked sensor, its
     target, the sensors of goals, what was observed, the controls as they were asked for and as they acted, the power
-    [W], and the author's rewards. `is_over`: the author's program ended it."""
+    [W] (0 where no goal needs it), and the author's rewards. `is_over`: the author's program ended it."""
 
     episode: Episode
     time_s: Floats = field(default_factory=lambda: np.empty(0))
@@ -63,6 +63,8 @@ class Seen(NamedTuple):
     target: Floats
 
 
+NO_TARGET: Floats = np.empty(0)
+
 Law = Callable[[float, Floats], Floats]
 """Returns the controls for time [s] and observation; for simulations without a script."""
 
@@ -84,6 +86,10 @@ class EpisodeRun:
         self._observed = tuple(observed.values())
         self._noise = np.array([noise.get(name, 0.0) for name, values in observed.items() for _ in values])
         self._is_noisy = bool(self._noise.any())
+        self._has_target, self._needs_power = (
+            parameters.has_target,
+            any(one.goal == "energy" for one in parameters.goals),
+        )
         self._goals = {goal.sensor: self.plant.find_sensor(goal.sensor) for goal in parameters.goals if goal.sensor}
         self._goals_at = np.array([where.start for where in self._goals.values()], dtype=np.intp)
         self._load = self.episode.load and (self.plant.find_dof(self.episode.load[0]), *self.episode.load[1:])
@@ -104,8 +110,8 @@ class EpisodeRun:
         self._past.append((readings, np.concatenate(self._state)))
         seen, state = self._past[0]
         self._target = self.episode.find_target(time_s)
-        target = np.array([self._target] if self.parameters.has_target else [])
-        self._seen = Seen(time_s, np.concatenate((seen, target)), state, target)
+        target = np.array([self._target]) if self._has_target else NO_TARGET
+        self._seen = Seen(time_s, np.concatenate((seen, target)) if self._has_target else seen, state, target)
         return self._seen
 
     def apply(self, controls: Floats) -> bool:
@@ -122,7 +128,7 @@ class EpisodeRun:
         row = (time_s, self._state[0].copy(), tracked, self._target, goals)
         goes_on, power_w, reward = plant.advance(self.problem.steps), 0.0, 0.0
         if goes_on:
-            power_w = plant.power_w
+            power_w = plant.power_w if self._needs_power else 0.0
             if environment.reward is not None:
                 reward = float(environment.reward(plant.model, data, applied))
             self.is_over = environment.terminated is not None and bool(environment.terminated(plant.model, data))

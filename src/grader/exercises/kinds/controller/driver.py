@@ -8,6 +8,7 @@ model is the public one: what is written into it, or into data, changes nothing 
 
 from collections.abc import Callable, Mapping
 from itertools import pairwise
+from math import isfinite
 from typing import Any
 
 import mujoco
@@ -94,7 +95,7 @@ def check_controls(returned: Any, nu: int) -> Any:
         raise ValueError("the controller returned a whole number that is too large for a float") from None
     if controls.size != nu:
         raise ValueError(f"the controller returned an array of shape {controls.shape} instead of {wanted}")
-    if not np.isfinite(controls).all():
+    if not all(map(isfinite, controls.ravel().tolist())):
         raise ValueError("the controller returned a control that is not finite (nan or inf)")
     return controls.reshape(nu)
 

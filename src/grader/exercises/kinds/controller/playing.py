@@ -1,6 +1,8 @@
 """Asks the student's function for the controls at each period of the simulation; only what is observed leaves it."""
 
 import json
+from math import isfinite
+from struct import pack
 
 import numpy as np
 
@@ -30,7 +32,7 @@ def read_answer(answer: bytes, nu: int) -> Floats | tuple[str, int | None]:
     """Returns the controls, or the exception and its line. Raises MalformedAnswer for what no driver sends."""
     if answer[:1] == b"C" and len(answer) in (1, 1 + 8 * nu):
         controls = np.frombuffer(answer, "<f8", offset=1)
-        if np.isfinite(controls).all():
+        if all(map(isfinite, controls.tolist())):  # of few numbers in half the time of NumPy's
             return controls
     if answer[:1] == b"X":
         try:
@@ -75,5 +77,5 @@ def play_episode(parameters: ControllerParameters, problem: Problem, index: int,
 
 def write_message(form: str, seen: Seen) -> bytes:
     """Returns the message that asks for the controls of a step."""
-    rest = seen.observed if form == "make" else np.concatenate((seen.state, seen.target))
-    return b"S" + np.concatenate(([seen.time_s], rest)).astype("<f8").tobytes()
+    parts = (seen.observed,) if form == "make" else (seen.state, seen.target)
+    return b"".join((b"S", pack("<d", seen.time_s), *(part.astype("<f8", copy=False).tobytes() for part in parts)))
