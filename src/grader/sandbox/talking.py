@@ -34,7 +34,7 @@ class TalkingWatch(Watch):
         assert job.talk is not None
         self._talk_with: Callable[[Channel], object] = job.talk
         self._heard = job.heard
-        self._talks, self._ended = True, False
+        self._talks, self._ended, self._left_at = True, False, 0.0
         self._part_ends_cpu_s = float("inf")
         self._answers = select.poll()
         self._answers.register(child.results, select.POLLIN)
