@@ -174,12 +174,15 @@ def test_times_have_the_digits_that_an_operator_needs(time_s: float, shown: str)
 def test_the_study_measures_the_real_server(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(deadline, "REHEARSING", 2)
     monkeypatch.setattr(deadline, "CORES", 1)
+    # What is simulated is held against laws above.
+    monkeypatch.setattr(deadline, "MACHINES", (16,))
+    monkeypatch.setattr(deadline, "COSTS_S", (1.0,))
     keys: list[Measurement] = [Footprint(1), Footprint(2), Capacity("reference"), Rehearsal("reference")]
     with ExitStack() as servers:
 
         @cache
         def start(workers: str) -> list[Client]:
-            return servers.enter_context(serve_clients(2, GRADER_WORKERS=workers))
+            return servers.enter_context(serve_clients(2 if workers == "1" else 1, GRADER_WORKERS=workers))
 
         @contextmanager
         def share(students: int, **environment: str) -> Iterator[list[Client]]:

@@ -1,10 +1,7 @@
 """Students of the real server: its jail and its database, over HTTP, in a process of its own, without rate limits."""
 
 import json
-import os
-import subprocess
-import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from http.client import HTTPConnection
 from pathlib import Path
@@ -13,9 +10,14 @@ from typing import Any
 from urllib.request import urlopen
 
 from grader.settings import Settings
-from grader.studies.bench.service.answers import UNLIMITED, build_serve_arguments, find_free_port, start_process
+from grader.studies.bench.service.answers import (
+    UNLIMITED,
+    build_serve_arguments,
+    create_tokens,
+    find_free_port,
+    start_process,
+)
 
-GRADER = Path(sys.executable).parent / "grader"
 GRADED_S = 60.0
 
 SCRIPT = "def largest_stable_timestep(model, integrator):\n    return None\n"
@@ -91,12 +93,6 @@ def check_ready(port: int) -> None:
     urlopen(f"http://127.0.0.1:{port}/readyz", timeout=5).close()
 
 
-def create_token(folder: str, number: int, environment: Mapping[str, str]) -> str:
-    """Returns the token of a student."""
-    arguments = [str(GRADER), "token", "create", "--user", f"student{number}", "--role", "student", "--data", folder]
-    return subprocess.check_output(arguments, text=True, env=os.environ | environment).strip()  # noqa: S603
-
-
 @contextmanager
 def serve_clients(students: int, **environment: str) -> Iterator[list[Client]]:
     """A client for each student of `grader serve`, on a free port with fresh data and these settings."""
@@ -106,7 +102,8 @@ def serve_clients(students: int, **environment: str) -> Iterator[list[Client]]:
         start_process(build_serve_arguments(port, folder), port, settings, check_ready) as server,
         ExitStack() as connections,
     ):
-        asking = [Client(port, create_token(folder, number, environment), server) for number in range(students)]
+        url = environment.get("GRADER_DATABASE_URL") or Settings(data=Path(folder)).database
+        asking = [Client(port, token, server) for token in create_tokens(url, students)]
         for client in asking:
             connections.callback(client.connection.close)
         yield asking
