@@ -86,10 +86,8 @@ class EpisodeRun:
         self._observed = tuple(observed.values())
         self._noise = np.array([noise.get(name, 0.0) for name, values in observed.items() for _ in values])
         self._is_noisy = bool(self._noise.any())
-        self._has_target, self._needs_power = (
-            parameters.has_target,
-            any(one.goal == "energy" for one in parameters.goals),
-        )
+        self._has_target = parameters.has_target
+        self._needs_power = any(goal.goal == "energy" for goal in parameters.goals)
         self._goals = {goal.sensor: self.plant.find_sensor(goal.sensor) for goal in parameters.goals if goal.sensor}
         self._goals_at = np.array([where.start for where in self._goals.values()], dtype=np.intp)
         self._load = self.episode.load and (self.plant.find_dof(self.episode.load[0]), *self.episode.load[1:])

@@ -175,14 +175,13 @@ def explain_by_residual(wrong: Sequence[StudentCall]) -> str | None:
 
 
 def satisfies_mended(call: StudentCall, altered: Sequence[str], mend: Callable[[Rows], Rows]) -> bool:
-    """Whether a call's results, which have the declared shapes, satisfy the residual once these are mended."""
+    """Whether a call's results have the declared shapes and satisfy the residual, once these are mended."""
     asked, answer = call.comparison.call, call.comparison.answer
-    values = answer.values or ()
-    if [got.shape for got in values] != call.problem.list_shapes(asked):
-        return False
-    named = zip(call.problem.function.results, values, strict=True)
+    named = zip(call.problem.function.results, answer.values or (), strict=True)
     mended = tuple(mend(got) if result.name in altered else got for result, got in named)
-    return not compare_residual(call.problem, asked, answer, mended).why
+    # Before anything is computed: arrays of other shapes broadcast to huge ones.
+    fits_shapes = [one.shape for one in mended] == call.problem.list_shapes(asked)
+    return fits_shapes and not compare_residual(call.problem, asked, answer, mended).why
 
 
 def explain_by_results(wrong: Sequence[StudentCall]) -> str | None:
