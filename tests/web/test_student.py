@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import BrowserContext, Locator, Page, Route, expect
+from playwright.sync_api import BrowserContext, FilePayload, Locator, Page, Route, expect
 
 from grader.courses.answering.stopping import STOPPED_RUNNING
 from web.browsing import Chromium, service, settings_in
@@ -38,9 +38,11 @@ class Visit:
         """The verdict's status in words."""
         return self.card(quiz, question).locator("[data-status]")
 
-    def hand_in(self, folder: str, name: str) -> None:
-        """Loads a script into the editor and hands it in."""
-        self.page.locator("[data-file]").set_input_files(REFERENCES / folder / name)
+    def hand_in(self, folder: str, name: str, more: str = "") -> None:
+        """Loads a script into the editor, with `more` at its end, and hands it in."""
+        text = f"{(REFERENCES / folder / name).read_text()}{more}"
+        file: FilePayload = {"name": name, "mimeType": "text/x-python", "buffer": text.encode()}
+        self.page.locator("[data-file]").set_input_files(file)
         expect(self.page.locator("[data-trouble]")).to_contain_text("is loaded")
         self.page.get_by_role("button", name="Run and judge").click()
 
@@ -291,7 +293,8 @@ def test_after_the_end_of_a_session_a_reload_offers_the_drafts_of_before(visit: 
 
 def test_a_script_is_judged_while_the_page_watches(visit: Visit) -> None:
     visit.page.goto(SERVO)
-    visit.hand_in("servo-threshold", "crashed__no_such_function.py")
+    mark = "# right-to-left: \u202e\n"  # goes back into the editor as it was
+    visit.hand_in("servo-threshold", "crashed__no_such_function.py", mark)
     status = visit.page.locator("#result [data-status]")
     expect(status).to_have_text("Ended with an error")
     visit.hand_in("servo-threshold", "partial__constants.py")
@@ -314,7 +317,7 @@ def test_a_script_is_judged_while_the_page_watches(visit: Visit) -> None:
     visit.page.get_by_text("The script of attempt 1").click()
     visit.page.get_by_role("button", name="Put it into the editor").click()
     crashed = (REFERENCES / "servo-threshold" / "crashed__no_such_function.py").read_text()
-    expect(visit.page.locator("textarea.code")).to_have_value(crashed)
+    expect(visit.page.locator("textarea.code")).to_have_value(f"{crashed}{mark}")
     visit.page.get_by_role("link", name="compare").click()
     expect(visit.page.get_by_role("heading", name="Two attempts side by side")).to_be_visible()
     expect(visit.page.locator(".side-by-side section")).to_have_count(2)

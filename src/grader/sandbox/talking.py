@@ -34,7 +34,7 @@ class TalkingWatch(Watch):
         assert job.talk is not None
         self._talk_with: Callable[[Channel], object] = job.talk
         self._heard = job.heard
-        self._talks, self._ended, self._left_at = True, False, 0.0
+        self._talks, self._ended = True, False
         self._part_ends_cpu_s = float("inf")
         self._answers = select.poll()
         self._answers.register(child.results, select.POLLIN)
@@ -46,21 +46,11 @@ class TalkingWatch(Watch):
         else:
             self._send(message)
         asked_at = time.monotonic()
-        self._aside_s += asked_at - self._left_at
-        self._hear()
-        self._left_at = time.monotonic()
         self._serve_until(lambda: self._wants.answer is not None and not self._wants.unasked)
         answer, self._wants.answer = self._wants.answer, None
         assert answer is not None
         self._aside_s += min(PASSING_S, time.monotonic() - asked_at)
         return answer
-
-    def _hear(self) -> None:
-        """Wait a moment for the answer alone. Most come at once, and to look at every pipe takes longer than they do;
-        what the script prints meanwhile lies in its pipe."""
-        is_due = self._cause is not None or bool(self._unsent) or time.monotonic() >= self._check_at
-        if not is_due and self._answers.poll(HEARING_MS):
-            self._take(self._child.results)
 
     def end(self) -> None:
         """Tell the driver that the messages of one trial end here."""
@@ -102,6 +92,8 @@ class TalkingWatch(Watch):
         """Serve the child until `done`, or its end. The time that has passed since it was served last was the judge's:
         that the child waited then is not its fault."""
         self._aside_s += time.monotonic() - self._left_at
+        if not done():
+            self._hear()
         while not done():
             if self._wants.unasked and self._cause is None:
                 self._cause = Cause.ANSWER
@@ -110,6 +102,13 @@ class TalkingWatch(Watch):
                 raise ChannelClosed
             self._ended = self._serve()
         self._left_at = time.monotonic()
+
+    def _hear(self) -> None:
+        """Wait a moment for the answer alone. Most come at once, and to look at every pipe takes longer than they do;
+        what the script prints meanwhile lies in its pipe."""
+        is_due = self._cause is not None or bool(self._unsent) or time.monotonic() >= self._check_at
+        if not is_due and self._answers.poll(HEARING_MS):
+            self._take(self._child.results)
 
     def _is_whole(self) -> bool:
         return not self._talks and super()._is_whole()

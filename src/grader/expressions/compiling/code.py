@@ -92,7 +92,7 @@ def _fill(node: Any, parts: Mapping[str, Part]) -> Any:
     if kind is ast.Expr and isinstance(node.value, ast.Name):
         inner = _fill(node.value, parts)
         return inner if isinstance(inner, list) else ast.Expr(inner)
-    if isinstance(node, ast.AST) and kind._fields:  # one without fields, such as an operator, may stand in many places
+    if isinstance(node, ast.AST) and kind._fields:  # an operator has none, and is not copied
         return kind(*[_fill(getattr(node, field), parts) for field in kind._fields])
     return node
 

@@ -202,9 +202,9 @@ def choose_headline(at: ClassAt, axis: ClassAxis | None, plot: ClassPlot | None)
 def advise(at: ClassAt, axis: ClassAxis | None, plot: ClassPlot | None) -> list[str]:
     """Returns what to say to the class: at most two sentences, from the numbers; none where there is nothing to say."""
     sentences = []
-    shared = [family for family in at.families if family.learners > 1]
-    first = min(shared, key=lambda one: (-len(one.still), -one.learners), default=None)
-    other = next((family for family in shared if family is not first), None)
+    several = [family for family in at.families if family.learners > 1]
+    first = min(several, key=lambda one: (-len(one.still), -one.learners), default=None)
+    other = next((family for family in several if family is not first), None)
     if first is not None:
         cure = find_cure(first.sentence)
         mended = f", {len(first.was)} no longer" if first.was else ""
@@ -213,9 +213,9 @@ def advise(at: ClassAt, axis: ClassAxis | None, plot: ClassPlot | None) -> list[
         sentences.append(f"{count}: “{first.name}.”" + (f" Say: {cure}" if cure else ""))
     wrong = find_wrong_pile(at, axis)
     if axis is not None and plot is not None and wrong is not None:
-        count_of_wrong, value = wrong
-        same = f"{count_of_wrong} learners have the same {axis.measure}, {value}" if axis.measure else ""
-        common = same or f"The commonest wrong answer is {value} ({count_of_wrong} learners)"
+        shared, value = wrong
+        same = f"{shared} learners have the same {axis.measure}, {value}" if axis.measure else ""
+        common = same or f"The commonest wrong answer is {value} ({shared} learners)"
         sentences.append(f"{common}; {describe_right(axis)}.")
     elif other is not None:
         sentences.append(f"{other.learners} learners met “{other.name}”; {len(other.was)} got past it.")

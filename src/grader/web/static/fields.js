@@ -8,13 +8,13 @@ const TYPING_MS = 300;
 const timers = new WeakMap();
 
 // Says how a number is read while it is typed, until the form is sent.
-export function echo(form, { drafts, tell, OFFLINE }) {
+export function echo(form, { drafts, tell, buttonOf, OFFLINE }) {
   clearTimeout(timers.get(form));
   const typed = drafts.valueOf(form);
   if (Object.values(typed).flat().some((value) => !value.trim())) return tell(form, "");
   const parts = Object.entries(typed).map(([name, [value]]) => [name.slice("answer.".length), value]);
   const answer = typed.answer?.[0] ?? Object.fromEntries(parts);
-  const isOver = () => !same(drafts.valueOf(form), typed) || form.querySelector("button:not([type=button], [data-stop])").disabled;
+  const isOver = () => !same(drafts.valueOf(form), typed) || buttonOf(form).disabled;
   timers.set(form, setTimeout(async () => {
     const [quiz, question] = form.dataset.answer.split("/");
     try {

@@ -12,7 +12,7 @@ const SIGNED_OUT = "You are signed out. Your answer is kept in this browser: sig
 
 const drafts = new Drafts(document.body.dataset.learner ?? "");
 const announce = document.getElementById("announce");
-const here = { drafts, tell, OFFLINE };
+const here = { drafts, tell, buttonOf, OFFLINE };
 const fields = (use) => import("./fields.js").then(use).catch(() => {}); // what is not needed before something is typed
 // Films wait for the reader's first move, so that the first load stays small. A page may also scroll by itself.
 const stirred = new Promise((resolve) => {
@@ -93,6 +93,10 @@ function stepBack(form) {
   said?.classList.toggle("is-old", !same(drafts.valueOf(form), drafts.given(form)));
 }
 
+function buttonOf(form) {
+  return form.querySelector("button:not([type=button], [data-stop])");
+}
+
 function tell(form, sentence, bad = false, isTyped = bad) {
   const node = form.querySelector("[data-trouble]");
   node.textContent = sentence;
@@ -106,7 +110,7 @@ function tell(form, sentence, bad = false, isTyped = bad) {
 
 async function send(form, submitter) {
   const isStop = submitter?.dataset.stop !== undefined;
-  const button = isStop ? submitter : form.querySelector("button:not([type=button], [data-stop])");
+  const button = isStop ? submitter : buttonOf(form);
   if (button.disabled) return;
   const sent = new FormData(form, submitter); // an image that was clicked adds where
   const typed = drafts.valueOf(form);

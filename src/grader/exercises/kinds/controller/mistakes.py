@@ -120,7 +120,7 @@ def is_always_the_same(judged: Sequence[Judged]) -> bool:
 def are_truth_values(judged: Sequence[Judged]) -> bool:
     """Whether every control is 0 or 1, both occur, and no actuator has these limits."""
     asked = [one.asked for each in judged for one in each.judgement.outcome.records if len(one.asked)]
-    ranges = [scene.scene.model.actuator_ctrlrange for each in judged for scene in each.trial.problem.episodes]
+    ranges = [episode.scene.model.actuator_ctrlrange for each in judged for episode in each.trial.problem.episodes]
     is_switch = any(np.array_equal(limits, (0, 1)) for each in ranges for limits in each)
     return not is_switch and {0.0, 1.0} == {value for each in asked for value in np.unique(each).tolist()}
 
