@@ -1,5 +1,6 @@
 """Somebody who is invited gets in and hands in: a real browser, behind nginx with TLS and deploy/nginx.conf."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -127,7 +128,7 @@ def test_an_instructor_invites_on_the_page_and_a_course_link_lets_others_in(publ
         desk.get_by_label("results").check()
         desk.get_by_role("button", name="Create").click()
         desk.get_by_role("button", name="Create the user and the token").click()
-        assert desk.get_by_role("textbox", name="nightly").input_value().startswith("grt_")
+        expect(desk.get_by_role("textbox", name="nightly")).to_have_value(re.compile("^grt_"), timeout=PATIENCE_MS)
         row = desk.locator("[data-list=tokens] tr").filter(has_text="nightly")
         expect(row).to_contain_text("results")
         row.locator("summary").click()

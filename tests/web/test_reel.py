@@ -87,8 +87,8 @@ def handed(site: Site) -> list[str]:
     return made
 
 
-def attempt_of(page: Page) -> str:
-    return page.locator(".reel-bar [role=status] b").inner_text()
+def expect_attempt(page: Page, number: int) -> None:
+    expect(page.locator(".reel-bar [role=status] b")).to_have_text(f"Attempt {number}")
 
 
 @pytest.mark.slow
@@ -100,12 +100,13 @@ def test_the_slider_changes_script_verdict_and_plots_together(site: Site, browse
     page.on("console", lambda message: complaints.append(message.text))
     page.goto(PAGE)
     page.get_by_role("link", name="step through attempts").click()
-    assert attempt_of(page) == "Attempt 3"
+    expect_attempt(page, 3)
     expect(page.locator(".changes .new").first).to_be_visible()
     slider = page.get_by_role("slider", name="Attempt")
+    expect(slider).to_be_enabled()  # once the page's script runs
     slider.focus()
     page.keyboard.press("ArrowLeft")
-    expect(page.locator(".reel-bar [role=status] b")).to_have_text("Attempt 2")
+    expect_attempt(page, 2)
     expect(page.locator(".diagnosis")).to_contain_text("lie 1/2 times as far")
     expect(page.get_by_role("heading", name="What changed since attempt 1")).to_be_visible()
     expect(page.locator("figure h2").first).to_contain_text("your error falls by a factor of 2")
@@ -117,7 +118,7 @@ def test_the_slider_changes_script_verdict_and_plots_together(site: Site, browse
     expect(page.get_by_role("heading", name="The first script")).to_be_visible()
     expect(page.get_by_role("link", name="Previous")).to_have_count(0)
     page.reload()
-    assert attempt_of(page) == "Attempt 1"
+    expect_attempt(page, 1)
     assert complaints == []
     context.close()
 
@@ -132,8 +133,9 @@ def test_links_lead_through_the_attempts_without_scripts(site: Site, browser: Ch
     expect(page.locator("[data-slider]")).to_be_hidden()
     for number in (2, 1):
         page.get_by_role("link", name="Previous").click()
-        assert attempt_of(page) == f"Attempt {number}"
+        expect_attempt(page, number)
     page.get_by_role("link", name="Next").click()
+    expect_attempt(page, 2)
     assert page.url.endswith(handed[1])
     context.close()
 
@@ -148,7 +150,7 @@ def test_an_instructor_steps_through_from_the_story(site: Site, browser: Chromiu
     learner = site.client("ann").get(f"{API}/me").json()["id"]
     page.goto(f"/instructor/learners/{learner}")
     page.get_by_role("link", name="Step through the 3 attempts").click()
-    assert attempt_of(page) == "Attempt 3"
+    expect_attempt(page, 3)
     page.get_by_role("link", name="Previous").click()
     expect(page.locator(".diagnosis")).to_contain_text("lie 1/2 times as far")
     expect(page.locator(".marked .hot mark").first).to_be_visible()
