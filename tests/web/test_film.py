@@ -92,6 +92,22 @@ def test_what_a_controller_did_plays_case_by_case(browser: Chromium, origin: str
     context.close()
 
 
+def test_a_film_waits_until_a_pointer_has_moved(browser: Chromium, origin: str, state: Any) -> None:
+    context, page, complaints = open_page(browser, origin, state)
+    asked = list[str]()
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(SERVO, wait_until="networkidle")
+    page.locator("[data-film]").scroll_into_view_if_needed()
+    page.evaluate("dispatchEvent(new PointerEvent('pointermove'))")  # as a browser reports a pointer that rests
+    page.wait_for_load_state("networkidle")
+    page.wait_for_timeout(300)
+    assert not any("/films" in url for url in asked)
+    with page.expect_request(re.compile("/films")):
+        page.evaluate("dispatchEvent(new PointerEvent('pointermove', { movementX: 1 }))")
+    assert complaints == []
+    context.close()
+
+
 def test_three_runs_play_on_one_clock_and_pause(browser: Chromium, origin: str, state: Any) -> None:
     context, page, complaints = open_page(browser, origin, state)
     film = film_of(page, SERVO)

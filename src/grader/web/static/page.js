@@ -14,9 +14,11 @@ const drafts = new Drafts(document.body.dataset.learner ?? "");
 const announce = document.getElementById("announce");
 const here = { drafts, tell, buttonOf, OFFLINE };
 const fields = (use) => import("./fields.js").then(use).catch(() => {}); // what is not needed before something is typed
-// Films wait for the reader's first move, so that the first load stays small. A page may also scroll by itself.
+// Films wait for the reader's first move, so that the first load stays small. A page may also scroll by itself, and the
+// browser reports where a pointer lies that has not moved.
 const stirred = new Promise((resolve) => {
-  for (const name of ["pointermove", "pointerdown", "keydown", "wheel"]) addEventListener(name, resolve, { once: true, passive: true });
+  const hear = ({ type, movementX, movementY }) => { if (type !== "pointermove" || movementX || movementY) resolve(); };
+  for (const name of ["pointermove", "pointerdown", "keydown", "wheel"]) addEventListener(name, hear, { passive: true });
 });
 let source = null; // the events of the script that is being graded
 let taken = 0; // how many pages were taken over
