@@ -79,6 +79,8 @@ def test_tex_is_shown_as_mathematics(visit: Visit) -> None:
 
 def test_a_number_is_echoed_sent_and_judged(visit: Visit) -> None:
     card = visit.card("1.3-check", "q2")
+    card.get_by_label("Your answer").fill("-0.002 s")
+    expect(card.locator("[data-trouble]")).to_have_text("read as −2 ms")
     card.get_by_label("Your answer").fill("0.005 s")
     expect(card.locator("[data-trouble]")).to_have_text("read as 5 ms")
     card.get_by_role("button", name="Send").click()

@@ -4,6 +4,7 @@ import { post } from "./api.js";
 import { same } from "./drafts.js";
 
 const TYPING_MS = 300;
+const MINUS = /(?<![\w.-])-(?=\d)/g; // as the card of an answer writes it
 
 const timers = new WeakMap();
 
@@ -19,7 +20,7 @@ export function echo(form, { drafts, tell, buttonOf, OFFLINE }) {
     const [quiz, question] = form.dataset.answer.split("/");
     try {
       const understood = await post("/answers:validate", { quiz, question, answer });
-      if (!isOver()) tell(form, understood.valid ? `read as ${understood.read_as}` : understood.message, !understood.valid);
+      if (!isOver()) tell(form, understood.valid ? `read as ${understood.read_as.replace(MINUS, "−")}` : understood.message, !understood.valid);
     } catch (error) {
       if (!isOver()) tell(form, error.status ? error.message : OFFLINE, true, false);
     }
