@@ -112,8 +112,10 @@ def propose_for_question(
     library: Library, quiz: str, question: Question, passed: PassedChecks = NOTHING_PASSED
 ) -> "Iterator[Proposal]":
     """Yields the proposals for the keys of one question that no simulation confirms."""
-    for one in certify_quizzes(library, [quiz], passed, is_wanted=lambda _, other: other == question.id):
-        if one.certificate is None and (proposal := propose_for_key(library, quiz, question, one.key, passed)):
+    for certified in certify_quizzes(library, [quiz], passed, is_wanted=lambda _, other: other == question.id):
+        if certified.certificate is None and (
+            proposal := propose_for_key(library, quiz, question, certified.key, passed)
+        ):
             yield proposal
 
 
@@ -151,9 +153,9 @@ def find_refused_keys(
     library: Library, quizzes: Iterable[str], passed: PassedChecks = NOTHING_PASSED
 ) -> Iterator[Fault]:
     """Yields a fault for each key that simulation refutes, or cannot tell and the author has not accepted."""
-    for one in certify_quizzes(library, quizzes, passed):
-        if one.certificate is not None and not one.certificate.is_publishable:
-            yield build_fault(library, one.quiz, one.question, one.certificate)
+    for certified in certify_quizzes(library, quizzes, passed):
+        if certified.certificate is not None and not certified.certificate.is_publishable:
+            yield build_fault(library, certified.quiz, certified.question, certified.certificate)
 
 
 def build_fault(library: Library, quiz: str, question: Question, certificate: Certificate) -> Fault:

@@ -69,7 +69,9 @@ def certify_threshold(key: NumberKey, verify: ByThreshold, model_xml: ModelXml) 
 
 def _remark_integrator(scene: Scene, verify: ByThreshold) -> tuple[str, ...]:
     """A remark where the model names an integrator and `verify` names none, which is then Euler."""
-    own = next((one.name for one in INTEGRATORS if one.code == int(scene.model.opt.integrator)), "Euler")
+    own = next(
+        (integrator.name for integrator in INTEGRATORS if integrator.code == int(scene.model.opt.integrator)), "Euler"
+    )
     if verify.servo is not None or own == "Euler" or "integrator" in verify.model_fields_set:
         return ()
     return (f"The key was derived under Euler, and the model's own integrator is {own}: write verify.integrator.",)

@@ -74,7 +74,11 @@ def list_names(group: TyperInfo) -> set[str]:
     if isinstance(group.name, str):
         return {group.name}
     commands = [] if group.typer_instance is None else group.typer_instance.registered_commands
-    return {one.name or get_command_name(one.callback.__name__) for one in commands if one.callback is not None}
+    return {
+        command.name or get_command_name(command.callback.__name__)
+        for command in commands
+        if command.callback is not None
+    }
 
 
 def show_version(wanted: bool) -> None:

@@ -100,14 +100,14 @@ def list_parts(verdict: Mapping[str, Any], name: str) -> list[dict[str, Any]]:
     """Returns the objects with a `case` in a list of the evidence."""
     found = (verdict.get("evidence") or {}).get(name)
     parts = found if isinstance(found, list) else []
-    return [one for one in parts if isinstance(one, dict) and isinstance(one.get("case"), str)]
+    return [part for part in parts if isinstance(part, dict) and isinstance(part.get("case"), str)]
 
 
 def list_findings(verdict: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yields each finding after its id."""
-    for one in verdict.get("findings") or ():
-        if isinstance(one, dict) and isinstance(one.get("id"), str):
-            yield one["id"], one
+    for finding in verdict.get("findings") or ():
+        if isinstance(finding, dict) and isinstance(finding.get("id"), str):
+            yield finding["id"], finding
 
 
 def read_title(finding: Mapping[str, Any], otherwise: str) -> str:
@@ -132,5 +132,5 @@ def read_numbers(value: Any) -> list[float] | None:
     numbers = [
         read_number(one) for one in (value if isinstance(value, Sequence) and not isinstance(value, str) else [value])
     ]
-    found = [one for one in numbers if one is not None]
+    found = [number for number in numbers if number is not None]
     return found if found and len(found) == len(numbers) else None

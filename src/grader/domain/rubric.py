@@ -25,7 +25,7 @@ class RubricItem(BaseModel):
 def _usable(items: tuple[RubricItem, ...], info: ValidationInfo) -> tuple[RubricItem, ...]:
     """Item ids are unique, and full marks can be reached."""
     ids = [item.id for item in items]
-    if repeated := sorted({one for one in ids if ids.count(one) > 1}):
+    if repeated := sorted({id_ for id_ in ids if ids.count(id_) > 1}):
         raise PydanticCustomError("rubric", "two items have the id {id}: give each its own", {"id": repeated[0]})
     most, points = math.fsum(item.points for item in items if item.points > 0), info.data.get("points")
     if items and points is not None and most < points - ROUNDING:

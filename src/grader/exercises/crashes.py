@@ -173,9 +173,11 @@ def shorten_type(text: str) -> str:
 
 def explain_hidden_slip(traces: Sequence[Trace]) -> str | None:
     """Returns the sentence of a slip in the script that an `except` clause hid in all of these trials, or None."""
-    slips = [next((one for one in trace.handled_exceptions if one.type in SLIPS), None) for trace in traces]
+    slips = [
+        next((exception for exception in trace.handled_exceptions if exception.type in SLIPS), None) for trace in traces
+    ]
     first = next(iter(slips), None)
-    if first is None or any(one is None or one.line != first.line for one in slips):
+    if first is None or any(slip is None or slip.line != first.line for slip in slips):
         return None
     said = f" ({first.message})" if first.message else ""
     return (

@@ -99,7 +99,7 @@ def describe_panel(panel: Panel, poses: Floats, *, with_values: bool) -> dict[st
         "ended": panel.ended,
         "behind": panel.behind,
         "times": [round(one, 9) for one in panel.times_s.tolist()],
-        "values": [float(f"{one:.{FIGURES}g}") if np.isfinite(one) else None for one in values.tolist()],
+        "values": [float(f"{value:.{FIGURES}g}") if np.isfinite(value) else None for value in values.tolist()],
         "frames": round_poses(poses),
     }
 

@@ -24,13 +24,13 @@ def build_titles(parameters: ExerciseParameters, trials: Sequence[Trial[Any]]) -
 
 def build_findings(question: ScriptQuestion, titles: Sequence[str], judged: Sequence[AnyJudged]) -> tuple[Finding, ...]:
     """Returns one finding for each trial, and one that asks for a review if a judgement does."""
-    scale = question.points / sum(one.trial.points for one in judged)
+    scale = question.points / sum(trial.trial.points for trial in judged)
     findings = [
         finding
         for title, one in zip(titles, judged, strict=True)
         for finding in build_trial_findings(one, title, one.trial.points * scale)
     ]
-    reviews = dict.fromkeys(one.judgement.review for one in judged if one.judgement.review)
+    reviews = dict.fromkeys(trial.judgement.review for trial in judged if trial.judgement.review)
     if reviews:
         message = " ".join(reviews)
         findings.append(
@@ -52,7 +52,7 @@ def build_trial_findings(judged: AnyJudged, title: str, points: float) -> Iterat
         alone = Judgement(
             part.passed, part.message, None, part.detail, part.measured, part.expected, unmet=judged.judgement.unmet
         )
-        trial = replace(judged.trial, id=f"{judged.trial.id}.{part.id}")
+        trial = replace(judged.trial, id=f"{judged.id}.{part.id}")
         counts = part.passed and (judged.counts or not judged.judgement.passed)
         one = replace(judged, trial=trial, judgement=alone, counts=counts)
         yield build_finding(one, f"{title}: {part.title}", points * part.points / shares)
@@ -61,9 +61,9 @@ def build_trial_findings(judged: AnyJudged, title: str, points: float) -> Iterat
 def build_finding(judged: AnyJudged, title: str, points: float) -> Finding:
     """Returns the finding of a trial; of a hidden one neither detail nor measured nor expected values. The detail may
     say how far the result is off, so the direction leaves it out."""
-    shown = judged.judgement if not judged.trial.hidden else Judgement(judged.judgement.passed, "", None)
+    shown = judged.judgement if not judged.hidden else Judgement(judged.judgement.passed, "", None)
     return Finding(
-        id=judged.trial.id, title=title, passed=judged.counts, points=points if judged.counts else 0.0,
+        id=judged.id, title=title, passed=judged.counts, points=points if judged.counts else 0.0,
         max_points=points, message=" ".join(filter(None, (choose_message(judged), shown.detail))),
         direction=choose_message(judged), measured=shown.measured, expected=shown.expected
     )  # fmt: skip

@@ -122,6 +122,21 @@ class JudgedTrial(Generic[Problem, Outcome]):
     trace: Trace = NO_TRACE
     script: Script = NO_SCRIPT
 
+    @property
+    def id(self) -> str:
+        """The id of the trial."""
+        return self.trial.id
+
+    @property
+    def problem(self) -> Problem:
+        """The problem of the trial."""
+        return self.trial.problem
+
+    @property
+    def hidden(self) -> bool:
+        """Whether the case of the trial is hidden."""
+        return self.trial.hidden
+
 
 @dataclass(frozen=True)
 class Mistake:

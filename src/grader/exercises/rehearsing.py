@@ -93,7 +93,7 @@ def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content
         except Exception as error:  # code of another package: anything may be raised
             yield find_key(error, key), explain_refusal(kind, error)
     ids_of_trials = [trial.id for trial in trials] if len({*ids}) == len(ids) else []  # else the case is the fault
-    if repeated := next((one for one in ids_of_trials if ids_of_trials.count(one) > 1), None):
+    if repeated := next((id_ for id_ in ids_of_trials if ids_of_trials.count(id_) > 1), None):
         yield "", f"the kind makes several trials with the id {repeated!r}: its build_trials must name each by its case"
     if {trial.case.id for trial in trials if trial.case} == {*ids}:
         try:

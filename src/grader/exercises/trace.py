@@ -167,7 +167,7 @@ def read_returned(note: Note) -> ReturnedValue:
         type=get_text(note.info, "type"),
         text=get_text(note.info, "text"),
         shape=tuple(n for n in shape if is_count(n)) if isinstance(shape, list) else (),
-        items=tuple(one for one in items if isinstance(one, str)) if isinstance(items, list) else (),
+        items=tuple(item for item in items if isinstance(item, str)) if isinstance(items, list) else (),
         numbers=tuple(note.numbers.tolist()),
     )
 

@@ -55,7 +55,7 @@ def refine_peak(values: Floats, at: int) -> tuple[float, float]:
     """Returns where the parabola through a frame and its neighbours has its top [frames], and its height."""
     if not 0 < at < len(values) - 1:
         return float(at), float(values[at])
-    before, top, after = (float(one) for one in values[at - 1 : at + 2])
+    before, top, after = (float(value) for value in values[at - 1 : at + 2])
     bend = before - 2 * top + after
     if bend >= 0:
         return float(at), top

@@ -93,15 +93,23 @@ class ContentCheck:
     def run(self) -> None:
         """Runs every check below the path."""
         self.report.warnings.extend(filter(self.is_about, self.library.warnings))
-        exercises = [one for one in find_exercises(self.library, self.path) if self.only.has(one[0], one[1].id)]
+        exercises = [
+            exercise
+            for exercise in find_exercises(self.library, self.path)
+            if self.only.has(exercise[0], exercise[1].id)
+        ]
         for quiz_id, question in exercises:
             self.certify_exercise(quiz_id, question)
             self.check_luck(quiz_id, question)
         self.certify_keys()
-        found = [one for one in find_references(self.library.root) if is_below(self.library, one.file, self.path)]
-        self.report.faults.extend(one for one in found if isinstance(one, Fault))
-        programs = [one for one in found if isinstance(one, ReferenceProgram)]
-        self.grade_references([one for one in programs if self.only.has(one.quiz, one.question)])
+        found = [
+            reference
+            for reference in find_references(self.library.root)
+            if is_below(self.library, reference.file, self.path)
+        ]
+        self.report.faults.extend(fault for fault in found if isinstance(fault, Fault))
+        programs = [program for program in found if isinstance(program, ReferenceProgram)]
+        self.grade_references([program for program in programs if self.only.has(program.quiz, program.question)])
         for quiz_id, question in exercises:
             self.grade_lazy_answers(quiz_id, question)
             self.grade_mistakes(quiz_id, question)
@@ -120,16 +128,14 @@ class ContentCheck:
             self.doing(f"certifying the key of {quiz} {question}")
             return self.only.has(quiz, question)
 
-        for one in certify_quizzes(library, chosen, self.passed, is_wanted=is_wanted):
-            file, named = library.file(one.quiz), ".".join(filter(None, (one.question.id, one.key.place)))
-            certificate = one.certificate
+        for certified in certify_quizzes(library, chosen, self.passed, is_wanted=is_wanted):
+            quiz, question, certificate = certified.quiz, certified.question.id, certified.certificate
+            file, named = library.file(quiz), ".".join(filter(None, (question, certified.key.place)))
             if certificate is None:
-                self.propose(one)
+                self.propose(certified)
                 continue
-            self.say(
-                f"{one.quiz} {named}: key {certificate.verdict if certificate.ok else certificate.verdict.upper()}"
-            )
-            report.certificates.append({"quiz": one.quiz, "question": one.question.id, **certificate.to_json()})
+            self.say(f"{quiz} {named}: key {certificate.verdict if certificate.ok else certificate.verdict.upper()}")
+            report.certificates.append({"quiz": quiz, "question": question, **certificate.to_json()})
             report.warnings.extend(Fault(file, f"{named}.answer", remark) for remark in certificate.remarks)
             if certificate.accepted is not None:
                 why = f"simulation cannot tell ({certificate.why}); accepted: {certificate.accepted}"
@@ -137,7 +143,7 @@ class ContentCheck:
             if not certificate.is_publishable:
                 is_fault = certificate.verdict == "refuted" or certificate.method == "verify"
                 faults = report.faults if is_fault else report.undecided
-                faults.append(build_fault(library, one.quiz, one.question, certificate))
+                faults.append(build_fault(library, quiz, certified.question, certificate))
 
     def propose(self, one: Certified) -> None:
         """Remarks on a key that no simulation confirms, with a `verify` to paste where one can be proposed."""
@@ -243,7 +249,7 @@ class ContentCheck:
         with ThreadPoolExecutor(max_workers=2) as pool:
             for reference, outcomes in zip(references, pool.map(self.grade_reference, references), strict=True):
                 first = next(iter(outcomes.values()))
-                self.say(f"{reference.file}: {', '.join(dict.fromkeys(one.got for one in outcomes.values()))}")
+                self.say(f"{reference.file}: {', '.join(dict.fromkeys(outcome.got for outcome in outcomes.values()))}")
                 self.report.references.append({"file": reference.file, "expected": reference.status, **vars(first)})
                 self.report.faults.extend(
                     Fault(reference.file, reference.status, why) for why in list_mismatches(reference, outcomes)

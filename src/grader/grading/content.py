@@ -149,7 +149,7 @@ class Content:
         found = self.library.find_media(sha256, name) or self.archive.find_media(sha256, name)
         if found is None and with_draft:
             draft = read_media(self._root)[0].values()
-            found = next((one for one in draft if (one.sha256, one.name) == (sha256, name)), None)
+            found = next((file for file in draft if (file.sha256, file.name) == (sha256, name)), None)
         return found
 
     def read_draft(self) -> Draft:

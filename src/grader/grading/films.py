@@ -21,6 +21,6 @@ def record_films(
     if type(kind).record_films is Kind.record_films:  # nothing is drawn for it in the process of the pages
         return []
     plan = plan_exercise(exercise, library.model_xml, seed, library.text)
-    failed = {one["id"] for one in verdict.get("findings") or () if not one["passed"]}
+    failed = {finding["id"] for finding in verdict.get("findings") or () if not finding["passed"]}
     visible = [trial for trial in plan.trials if not trial.hidden]
     return [*kind.record_films(plan.parameters, visible, verdict["evidence"], failed, timestep_s=timestep_s)]

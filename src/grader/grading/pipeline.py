@@ -138,7 +138,7 @@ class Pipeline:
     @cached_property
     def drawn(self) -> frozenset[tuple[str, str]]:
         """The questions with drawn numbers: reading an answer may take the simulations of a learner's own key."""
-        every = ((quiz.id, one) for quiz in self.library.quizzes.values() for one in quiz.questions)
+        every = ((quiz.id, question) for quiz in self.library.quizzes.values() for question in quiz.questions)
         return frozenset((quiz, one.id) for quiz, one in every if is_drawn(one))
 
     def read(

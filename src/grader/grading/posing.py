@@ -29,7 +29,7 @@ class Poser:
 
     def __init__(self, library: Library, secret: bytes) -> None:
         self.library, self._secret = library, secret
-        every = (one for quiz in library.quizzes.values() for one in quiz.questions)
+        every = (question for quiz in library.quizzes.values() for question in quiz.questions)
         self.has_draws = any(map(is_drawn, every))
         """Whether any question of the content is drawn."""
         self.pose = lru_cache(POSED_MAX)(self._pose)
@@ -60,7 +60,7 @@ class Poser:
         quizzes = dict(self.library.quizzes)
         for name, quiz in self.library.quizzes.items():
             if any(map(is_drawn, quiz.questions)):
-                seen = tuple(self._show(name, one, learner) for one in quiz.questions)
+                seen = tuple(self._show(name, question, learner) for question in quiz.questions)
                 quizzes[name] = quiz.model_copy(update={"questions": seen})
         return replace(self.library, quizzes=quizzes)
 

@@ -33,7 +33,7 @@ class Selection:
         else:
             quizzes = [*library.quizzes]
         questions = () if quiz is None else quiz.questions
-        for name, known in ((self.quiz, quizzes), (self.question, [one.id for one in questions])):
+        for name, known in ((self.quiz, quizzes), (self.question, [question.id for question in questions])):
             if name is not None and name not in known:
                 return Fault("--only", name, f"is not there: take one of {', '.join(known) or 'none'}")
         return None

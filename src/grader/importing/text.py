@@ -103,8 +103,8 @@ class Text:
             if token.map and (found := list(list_addresses(token))):
                 named.setdefault((token.map[0], token.map[1]), []).extend(found)
         references = self.references.get("references")
-        for one in references.values() if isinstance(references, dict) else ():
-            named.setdefault((one["map"][0], one["map"][1]), []).append(one["href"])
+        for reference in references.values() if isinstance(references, dict) else ():
+            named.setdefault((reference["map"][0], reference["map"][1]), []).append(reference["href"])
         for (begin, end), found in named.items():
             tell = partial(remark, begin + 1)
             for at in range(begin, end):

@@ -48,7 +48,7 @@ def list_missing_elements(programs: Iterable[Program], xml: str) -> list[Fault]:
     as `data.qpos[70]`. Raises ValueError if MuJoCo cannot compile the model."""
     model = mujoco.MjModel.from_xml_string(xml)
     machine = Machine(model, mujoco.MjData(model))
-    return [Fault("", one.where, why) for one in programs for why in one.list_missing_elements(machine)[:1]]
+    return [Fault("", program.where, why) for program in programs for why in program.list_missing_elements(machine)[:1]]
 
 
 NOTHING = compile_program("", "statement", "")

@@ -35,10 +35,10 @@ def check_pulls(pulls: Sequence[Pull]) -> None:
     """Raises LabRefused for pulls that no run may have."""
     if len(pulls) > PULLS_MAX:
         raise LabRefused(f"At most {PULLS_MAX} pulls fit into one run.")
-    for one in pulls:
-        if not all(isfinite(value) and abs(value) <= REACH_MAX for value in (*one.point, *one.goal)):
+    for pull in pulls:
+        if not all(isfinite(value) and abs(value) <= REACH_MAX for value in (*pull.point, *pull.goal)):
             raise LabRefused(f"The point and the goal of a pull lie within {REACH_MAX:g} m.")
-        if not (isfinite(one.begin) and 0 <= one.begin < one.end <= one.begin + PULL_S_MAX):
+        if not (isfinite(pull.begin) and 0 <= pull.begin < pull.end <= pull.begin + PULL_S_MAX):
             raise LabRefused(f"A pull begins at 0 s or later, and lasts more than 0 and at most {PULL_S_MAX:g} s.")
 
 

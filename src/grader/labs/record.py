@@ -93,7 +93,7 @@ class LabRun:
             "geoms": self.geoms,
             "frames": _round(np.dstack([positions, to_quaternions(matrices)]), POSITION_DIGITS),
             "overlays": {
-                name: [_round(np.array(one), POSITION_DIGITS) for one in frames]
+                name: [_round(np.array(frame), POSITION_DIGITS) for frame in frames]
                 for name, frames in self.overlays.items()
             },
             "readouts": [
@@ -147,7 +147,7 @@ def to_number_or_none(value: Value) -> float | None:
 
 def warnings_to_json(warnings: Iterable[MujocoWarning]) -> list[dict[str, Any]]:
     """Plain JSON."""
-    return [{"kind": one.kind, "time": to_number_or_none(one.time_s)} for one in warnings]
+    return [{"kind": warning.kind, "time": to_number_or_none(warning.time_s)} for warning in warnings]
 
 
 def _to_point(value: Value) -> list[float | None]:

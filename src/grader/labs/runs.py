@@ -173,11 +173,11 @@ class LabSimulation:
     def _list_pulling(self) -> list[Puller]:
         """Returns what pulls in the next step."""
         now = self.elapsed + 1e-9
-        return [one for one in self.pullers if one.pull.begin <= now < one.pull.end]
+        return [puller for puller in self.pullers if puller.pull.begin <= now < puller.pull.end]
 
     def _find_next_moment(self, duration: float) -> float:
         """Returns when a button is pressed next, a pull begins or ends, or else the run ends [s]."""
-        ends = (moment for one in self.pullers for moment in (one.pull.begin, one.pull.end))
+        ends = (moment for puller in self.pullers for moment in (puller.pull.begin, puller.pull.end))
         coming = [moment for moment in ends if moment > self.elapsed + 1e-9]
         return min([duration, *coming, *(at for at, _ in list(self.presses)[:1])])
 

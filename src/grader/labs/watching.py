@@ -45,7 +45,11 @@ def find_timestep_limit(config: LabConfig, xml: str, controls: Mapping[str, Wish
     """Returns the linear stability limit under these controls, at the equilibrium, within the range of the timestep's
     slider. None if there is no such slider or no equilibrium, if a controller acts, which the linearisation does not
     know, or if small motions grow at the slider's lower end already: then the timestep is not the cause."""
-    sliders = [one for one in config.controls if isinstance(one, Slider) and one.set == TIMESTEP and one.min > 0]
+    sliders = [
+        control
+        for control in config.controls
+        if isinstance(control, Slider) and control.set == TIMESTEP and control.min > 0
+    ]
     if not sliders or config.controller is not None:
         return None
     slider = sliders[0]

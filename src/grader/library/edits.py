@@ -60,7 +60,7 @@ def _list_items(olds: Sequence[Any], news: Sequence[Any], path: str) -> Iterator
 
 def _name_items(items: Sequence[Any]) -> dict[str, Any] | None:
     """Returns the items of a list by their ids; None where one has none, or shares it."""
-    named = {one["id"]: one for one in items if isinstance(one, Mapping) and isinstance(one.get("id"), str)}
+    named = {item["id"]: item for item in items if isinstance(item, Mapping) and isinstance(item.get("id"), str)}
     return named if len(named) == len(items) > 0 else None
 
 

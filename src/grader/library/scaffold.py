@@ -173,7 +173,7 @@ def list_shipped() -> Iterator[Sample]:
             if programs:
                 models = {f"models/{name}.xml" for _, name in named_models(question, "")}
                 check = question["check"]
-                named = [one["program"] for one in check.get("mistakes", ())]
+                named = [mistake["program"] for mistake in check.get("mistakes", ())]
                 named += [check[key] for key in ("reference", "program") if key in check]
                 named += [question["starter"]] if "starter" in question else []
                 *files, right = ((path, (ours / path).read_bytes()) for path in [*sorted(models), *named, programs[0]])

@@ -66,7 +66,7 @@ class Library:
 
     def find_media(self, sha256: str, name: str) -> Media | None:
         """Returns the picture or file that an address names, if it is of this content."""
-        return next((one for one in self.media.values() if one.sha256 == sha256 and one.name == name), None)
+        return next((file for file in self.media.values() if file.sha256 == sha256 and file.name == name), None)
 
     def text(self, path: str) -> str:
         """Returns the text of a file that an exercise names. Raises NotFound."""

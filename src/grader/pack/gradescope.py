@@ -113,12 +113,12 @@ def wheels(kind: str) -> list[Packed]:
 def write_folder(folder: Path, files: list[Packed]) -> None:
     """Writes the files below a new folder, each with its mode from the start."""
     folder.mkdir(mode=0o755, parents=True)
-    for one in files:
-        path = folder / one.path
+    for file in files:
+        path = folder / file.path
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch(mode=one.mode)
-        path.write_bytes(one.data)
-        path.chmod(one.mode)
+        path.touch(mode=file.mode)
+        path.write_bytes(file.data)
+        path.chmod(file.mode)
 
 
 def write_zip(path: Path, files: list[Packed]) -> None:
@@ -126,5 +126,5 @@ def write_zip(path: Path, files: list[Packed]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.touch(mode=PRIVATE)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
-        for one in files:
-            packed.writestr(entry(one.path, one.mode), one.data)
+        for file in files:
+            packed.writestr(entry(file.path, file.mode), file.data)

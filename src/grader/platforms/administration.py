@@ -57,8 +57,8 @@ def platform_view(session: Session, row: platforms.PlatformRow) -> dict[str, Any
         "origins": list(platforms.view(row).origins),
         "approved": row.approved_at is not None,
         "deployments": [
-            {"deployment_id": one.deployment_id, "approved": one.approved_at is not None}
-            for one in platforms.deployments(session, row.id)
+            {"deployment_id": deployment.deployment_id, "approved": deployment.approved_at is not None}
+            for deployment in platforms.deployments(session, row.id)
         ],
     }
 

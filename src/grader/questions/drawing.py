@@ -99,7 +99,7 @@ def fill_in_middle(raw: Any) -> Any:
     if not isinstance(raw, Mapping):
         return raw
     if isinstance(raw.get("questions"), list):
-        return {**raw, "questions": [fill_in_middle(one) for one in raw["questions"]]}
+        return {**raw, "questions": [fill_in_middle(question) for question in raw["questions"]]}
     ranges = raw.get("draw")
     try:
         middle = find_middle(ranges) if isinstance(ranges, Mapping) and ranges else {}

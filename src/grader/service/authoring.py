@@ -97,9 +97,9 @@ def make_app(root: Path, passed: PassedChecks, open_pipeline: OpenPipeline) -> F
     @app.get(ADDRESS + "{sha256}/{name}")
     def show_media(sha256: str, name: str) -> Response:
         """A picture or file of the folder as it is now. Raises NotFound."""
-        for one in read_media(root)[0].values():
-            if (one.sha256, one.name) == (sha256, name):
-                return send_media(one)
+        for file in read_media(root)[0].values():
+            if (file.sha256, file.name) == (sha256, name):
+                return send_media(file)
         raise NotFound("There is no such picture or file.")
 
     @app.get("/static/{path:path}")

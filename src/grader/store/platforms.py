@@ -181,8 +181,8 @@ def approve_deployments(session: Session, platform_id: int, deployment_id: str |
     if deployment_id is not None:
         waiting = waiting.where(Deployment.deployment_id == deployment_id)
     found = session.scalars(waiting).all()
-    for one in found:
-        one.approved_at = now()
+    for deployment in found:
+        deployment.approved_at = now()
     return len(found)
 
 

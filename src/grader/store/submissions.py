@@ -343,7 +343,7 @@ def verdicts_of(session: Session, ids: Iterable[str]) -> dict[str, Any]:
 
 def last_marks(session: Session, submissions: Iterable[Submission]) -> dict[str, tuple[Mark, Mark]]:
     """The last verdict but one and the last one in short, by submission; those with one verdict are left out."""
-    regraded = [one.id for one in submissions if one.revision > 1]
+    regraded = [submission.id for submission in submissions if submission.revision > 1]
     if not regraded:
         return {}
     marks = (getattr(VerdictRow, name) for name in ("cause", "status", "points", "max_points", "created_at"))

@@ -132,7 +132,7 @@ def refuse_before_answer(services: Services, who: Identity, quiz: str, question:
 
 def record(library: Library, lab: Lab | LabConfig, body: LabBody) -> Recording:
     """Runs the lab. Raises LabRefused, and Unprocessable, for settings that the lab cannot run with."""
-    pulls = [Pull(**one.model_dump()) for one in body.pulls]
+    pulls = [Pull(**pull.model_dump()) for pull in body.pulls]
     asked = LabRequest(body.controls, body.events, pulls, body.seconds)
     try:
         answer = lab_kind_of(lab).answer(lab, asked, library.model_xml)

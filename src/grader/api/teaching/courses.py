@@ -29,7 +29,7 @@ def list_courses(who: Instructor, services: AppServices) -> dict[str, Any]:
     """
     with services.database.read() as session:
         taught = courses.list_taught(session, who)
-    items = [vars(one) | {"member": one.member.id, "name": one.member.name} for one in taught]
+    items = [vars(course) | {"member": course.member.id, "name": course.member.name} for course in taught]
     return {"items": items, "next_cursor": None}
 
 

@@ -66,7 +66,7 @@ def export_gradebook(
         state = results.state(session, who.course, ids)
         unseen = unseen_by(session, who).results
         marks = marks_in(session, who.course) if form is Form.CANVAS else {}
-        absent = [row_of(one.id, one, {}, marks) for one in people.without_results(session, who.course, ids)]
+        absent = [row_of(member.id, member, {}, marks) for member in people.without_results(session, who.course, ids)]
         known_now = sorted(instructors), state, sorted(unseen), absent, sorted(marks)
         etag = etag_of(who.course, form, bom, columns, known_now)
         if is_unchanged(known, etag):
@@ -92,7 +92,7 @@ def columns_of(quizzes: Sequence[Quiz]) -> list[Column]:
 def quiz_columns(quizzes: Sequence[Quiz]) -> list[Column]:
     """A column for every quiz that has questions."""
     return [
-        Column(quiz.id, "", plain_text(quiz.title), math.fsum(one.points for one in quiz.questions))
+        Column(quiz.id, "", plain_text(quiz.title), math.fsum(question.points for question in quiz.questions))
         for quiz in quizzes
         if quiz.questions
     ]
@@ -102,7 +102,7 @@ def sum_up(row: Row, quizzes: Sequence[Quiz]) -> Row:
     """The row with a sum for each quiz; none where no question of it has points yet."""
     sums = {}
     for quiz in quizzes:
-        known = [row.points.get((quiz.id, one.id)) for one in quiz.questions]
+        known = [row.points.get((quiz.id, question.id)) for question in quiz.questions]
         if any(points is not None for points in known):
             sums[quiz.id, ""] = math.fsum(filter(None, known))
     return row._replace(points=sums)

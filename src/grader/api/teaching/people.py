@@ -99,7 +99,7 @@ def list_invitations(who: Instructor, services: AppServices) -> dict[str, Any]:
     """Lists the links that were neither used nor revoked, newest first."""
     with services.database.read() as session:
         found = invitations.pending(session, who.course)
-    return {"items": [tokens.shown(one) for one in found], "next_cursor": None}
+    return {"items": [tokens.shown(credential) for credential in found], "next_cursor": None}
 
 
 @router.post(
@@ -126,7 +126,7 @@ def create_invitations(
                 raise NotFound("There is no such member.")
             made = [invitations.invite_member(session, who, member)]
     origin = services.origin_of(request)
-    return {"items": [invitation_view(one, origin) for one in made], "next_cursor": None}
+    return {"items": [invitation_view(invitation, origin) for invitation in made], "next_cursor": None}
 
 
 @router.delete("/invitations/{invitation_id}", status_code=204, responses=refusals(401, 403, 404, 422, 429))
@@ -141,7 +141,7 @@ def list_tokens(who: Instructor, services: AppServices) -> dict[str, Any]:
     """Lists the tokens that are valid, newest first; never their secrets."""
     with services.database.read() as session:
         found = tokens.tokens(session, who.course)
-    return {"items": [tokens.shown(one) for one in found], "next_cursor": None}
+    return {"items": [tokens.shown(credential) for credential in found], "next_cursor": None}
 
 
 @router.post("/tokens", status_code=201, response_model=NewToken, responses=refusals(401, 403, 409, 413, 422, 429))

@@ -99,7 +99,7 @@ def list_regrades(
     """Lists the regrades of the course, newest first, without their differences."""
     with services.database.read() as session:
         found = stored.page(session, who.course, query.start, query.limit + 1)
-        items = [view(one, stored.progress(session, one)) for one in found]
+        items = [view(regrade, stored.progress(session, regrade)) for regrade in found]
     return page_of(items, query, "/regrades", response)
 
 

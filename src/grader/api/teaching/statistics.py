@@ -32,7 +32,7 @@ def show_statistics(quiz_id: str, who: Instructor, services: AppServices, known:
 
 def as_json(quiz: str, statistics: QuizStatistics) -> bytes:
     """The statistics of a quiz as JSON."""
-    questions = [item(one) for one in statistics.questions]
+    questions = [item(question) for question in statistics.questions]
     return json.dumps({"quiz": quiz, "learners": statistics.learners, "questions": questions}).encode()
 
 

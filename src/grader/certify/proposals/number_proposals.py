@@ -74,11 +74,11 @@ def propose_for_number(key: NumberKey, scenes: Sequence[LabScene], model_xml: Mo
     """Returns the most specific candidate under which the key is certified, else the nearest of those that fit best and
     tell something; None without any."""
     asked = read_question(text)
-    found = [one for scene in scenes for one in list_candidates(key, asked, scene, model_xml)]
+    found = [candidate for scene in scenes for candidate in list_candidates(key, asked, scene, model_xml)]
     if not found:
         return None
     found.sort(key=lambda one: -one.rank)
-    near = [one for one in found if abs(one.value - key.answer) <= NEAR * key.tolerance]
+    near = [candidate for candidate in found if abs(candidate.value - key.answer) <= NEAR * key.tolerance]
     last = thread_time() + CPU_S_MAX
     for one in near[:TRIED_MAX]:
         proposal = propose_certified(key, one, model_xml, len(found), len(near) - 1)
@@ -86,8 +86,8 @@ def propose_for_number(key: NumberKey, scenes: Sequence[LabScene], model_xml: Mo
             return proposal
         if thread_time() > last:
             break
-    fits_best = [one for one in found if one.rank == found[0].rank]
-    nearest = min(fits_best, key=lambda one: measure_distance(one.value, key.answer))
+    fits_best = [candidate for candidate in found if candidate.rank == found[0].rank]
+    nearest = min(fits_best, key=lambda candidate: measure_distance(candidate.value, key.answer))
     agrees = abs(nearest.value - key.answer) <= key.tolerance
     caution = ", which simulation does not know to a fifth of the tolerance" if agrees else ""
     if not nearest.is_telling:
@@ -166,9 +166,9 @@ class NumberSearch:
         fitted = list(self.fit(self.scene.list_shown())) or list(self.fit(self.scene.list_joints()))
         if not fitted or not names:
             return
-        moments = [one for one in self.asked.moments_s if one <= SECONDS_MAX][:MOMENTS_MAX]
+        moments = [value for value in self.asked.moments_s if value <= SECONDS_MAX][:MOMENTS_MAX]
         lengths = list(dict.fromkeys([*moments, *([] if moments and names == ["end"] else [self.scene.seconds])]))
-        run = self.scene.run([one.expr for one in fitted], max(lengths))
+        run = self.scene.run([fit.expr for fit in fitted], max(lengths))
         if run.warnings:
             return
         times = np.array(run.times)

@@ -53,7 +53,7 @@ def propose_for_option(key: OptionKey, scenes: Sequence[LabScene], model_xml: Mo
         return None
     asked = read_question(text)
     try:
-        found = sorted(list_candidates(key, asked, own, text), key=lambda one: -one.rank)
+        found = sorted(list_candidates(key, asked, own, text), key=lambda candidate: -candidate.rank)
     except BROKEN:
         return None
     decided: list[tuple[Candidate, int, bool]] = []
@@ -96,7 +96,7 @@ def list_candidates(key: OptionKey, asked: Asked, scene: LabScene, text: str) ->
             continue
         rank = min(len(read_words(one.label) & asked.words), 2)
         if all(amounts):
-            yield from claim_amounts([one for one in amounts if one], asked, scene, one, rank)
+            yield from claim_amounts([amount for amount in amounts if amount], asked, scene, one, rank)
         elif ways is not None:
             yield from claim_ways(ways, scene, one, values, rank)
 
@@ -105,11 +105,11 @@ def claim_amounts(
     amounts: Sequence[Amount], asked: Asked, scene: LabScene, shown: Shown, rank: int
 ) -> Iterator[Candidate]:
     """Yields claims that a quantity is near the number of an option."""
-    numbers = [one.value for one in amounts]
-    if len(set(numbers)) < len(numbers) or len({one.unit and one.unit.powers for one in amounts}) > 1:
+    numbers = [amount.value for amount in amounts]
+    if len(set(numbers)) < len(numbers) or len({amount.unit and amount.unit.powers for amount in amounts}) > 1:
         return
     unit = amounts[0].unit.text if amounts[0].unit else None
-    widths = [SHARE * min(abs(one - other) for other in numbers if other != one) for one in numbers]
+    widths = [SHARE * min(abs(number - other) for other in numbers if other != number) for number in numbers]
     if asked.quantities and asked.quantities[0] == "crossings":
         level = {"when": "times"}
         claims: list[dict[str, Any] | str] = [
@@ -121,7 +121,7 @@ def claim_amounts(
     fitted = fit_unit(shown, scene.model, unit)
     if fitted is None:
         return
-    for name in [one for one in asked.quantities if one in ("end", "max", "min")] or ["end"]:
+    for name in [quantity for quantity in asked.quantities if quantity in ("end", "max", "min")] or ["end"]:
         claims = [claim_number(fitted, name, one, width) for one, width in zip(numbers, widths, strict=True)]
         what = f"{NAMES[name]} of “{shown.label}” within {scene.seconds:g} s"
         yield Candidate(build_outcome(scene, claims), what, rank + 2 * fitted.is_certain)
@@ -164,7 +164,7 @@ def list_rankings(
 ) -> Iterator[Candidate]:
     """Yields criteria under which the option with the largest, or smallest, value of its run is right, where the
     question asks for that."""
-    name = next((one for one in asked.quantities if one in ("max", "min")), None)
+    name = next((quantity for quantity in asked.quantities if quantity in ("max", "min")), None)
     if name is None or None in settings:
         return
     shown = scene.list_shown() or scene.list_joints()

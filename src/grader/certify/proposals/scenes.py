@@ -61,9 +61,9 @@ class LabScene:
     def setup(self) -> str | None:
         """What happens before the run: every control at the author's value, the lab's `setup`, and the controls with
         `init` once more."""
-        controls = [one for one in self.lab.controls if not isinstance(one, Button)]
-        first = [text for one in controls for text in write_control(one)]
-        again = [text for one in controls if one.init for text in write_control(one)]
+        controls = [control for control in self.lab.controls if not isinstance(control, Button)]
+        first = [text for control in controls for text in write_control(control)]
+        again = [text for control in controls if control.init for text in write_control(control)]
         return "; ".join(filter(None, (*first, self.lab.setup, *again))) or None
 
     @cached_property

@@ -40,7 +40,7 @@ def list_thresholds(key: NumberKey, scene: LabScene, model_xml: ModelXml) -> Ite
         verify = ByThreshold.model_validate(
             {"by": "threshold", **named, "qpos": start.qpos.tolist(), "set": fields,
              "qvel": [SMALL_SPEED] * model.nv if resting else start.qvel.tolist(),
-             "integrator": next(one.name for one in INTEGRATORS if one.code == code)}
+             "integrator": next(integrator.name for integrator in INTEGRATORS if integrator.code == code)}
         )  # fmt: skip
     except (*BROKEN, ValidationError):
         return

@@ -112,7 +112,7 @@ def read_question(text: str) -> Asked:
         extremes = [name for name, words in (("max", MAX), ("min", MIN)) if words.search(plain)]
         found = extremes or found
     amounts = tuple(list_amounts(plain))
-    moments = [value for one in amounts if (value := one.to("s")) is not None and value > 0]
+    moments = [value for amount in amounts if (value := amount.to("s")) is not None and value > 0]
     return Asked(
         tuple(found), tuple(dict.fromkeys(moments)), amounts, read_words(plain), bool(STABLE_STEP.search(plain)),
         bool(FAR.search(plain)), bool(UNSIGNED.search(plain)),

@@ -128,7 +128,7 @@ def read_access(session: Session, library: Library, who: Identity, at: tuple[str
 def may_be_extended(policy: Policy, quiz: Quiz, question: str | None) -> bool:
     """Whether an extension could change anything at a question or any: where there are dates, or limited attempts."""
     limits = [one.attempts for one in quiz.questions if question in (None, one.id)]
-    return policy.due is not None or policy.attempts is not None or any(one is not None for one in limits)
+    return policy.due is not None or policy.attempts is not None or any(limit is not None for limit in limits)
 
 
 def describe_progress(session: Session, access: LearnerAccess, who: Identity, quiz: Quiz) -> dict[str, dict[str, Any]]:

@@ -66,7 +66,7 @@ def store_new(
 ) -> None:  # fmt: skip
     """Stores new submissions, what counts after them, and `more` rows that refer to them. `states` are those before,
     and are brought up to date. The caller holds the learners' locks."""
-    rows = submissions.settle([(one.submission, one.verdict) for one in new], clock)
+    rows = submissions.settle([(submission.submission, submission.verdict) for submission in new], clock)
     counts = count_new(new, states)
     changed = results.rows_of(list(counts.changed.values()), counts.revised, clock)
     insert_rows(session, *rows, *more, *changed, replace=Result)
@@ -81,18 +81,21 @@ def count_new(new: Sequence[NewSubmission], states: Mapping[LearnerAt, QuestionS
     """Counts new submissions in the order of handing in. Unless the policy takes the average, what counted before and a
     new attempt decide together what counts now: the time does not grow with the number of attempts."""
     counts = NewResults()
-    for one in new:
-        state, before = states[one.place], states[one.place].result
-        if before is not None and find_policy(one.library, one.place.quiz, state.changes).counts == "average":
-            counts.averages[one.place] = one.library
-        elif (values := count_one_more(one, state)) is not None:
-            state.result = after = results.change(before, one.place, values)
+    for submission in new:
+        state, before = states[submission.place], states[submission.place].result
+        if (
+            before is not None
+            and find_policy(submission.library, submission.place.quiz, state.changes).counts == "average"
+        ):
+            counts.averages[submission.place] = submission.library
+        elif (values := count_one_more(submission, state)) is not None:
+            state.result = after = results.change(before, submission.place, values)
             if after is not before:
-                counts.changed[one.place] = after
+                counts.changed[submission.place] = after
             if before is None or after["revision"] != before["revision"]:
                 counts.revised.append(after)
-            if values["submission_id"] == one.submission.id:
-                state.source = make_source(one.submission, one.verdict)
+            if values["submission_id"] == submission.submission.id:
+                state.source = make_source(submission.submission, submission.verdict)
     return counts
 
 
@@ -157,7 +160,7 @@ def predict_points(
     for one in submissions.several(session, list(verdicts)):
         status, points = verdicts[one.id]
         attempts[one.id] = Attempt(one.id, one.attempt, one.created_at, status, points, status.uses_attempt)
-    now_counted = counted([attempts[one] for one in sorted(attempts)], *read_rules(session, library, key))
+    now_counted = counted([attempts[attempt] for attempt in sorted(attempts)], *read_rules(session, library, key))
     return now_counted.points if now_counted.sources or results.find(session, key) else None
 
 

@@ -38,9 +38,11 @@ class TaughtCourse:
 def list_taught(session: Session, who: Identity) -> list[TaughtCourse]:
     """Returns the courses in which this person is an instructor: the one that they came from first, then by name."""
     home = get_home(session, who)
-    taught = [one for one in (home, *people.with_home(session, home.id)) if is_instructor(one)]
-    learners = people.count_learners(session, [one.course for one in taught])
-    return [TaughtCourse(one.course, one, learners.get(one.course, 0), one.id == who.id) for one in taught]
+    taught = [member for member in (home, *people.with_home(session, home.id)) if is_instructor(member)]
+    learners = people.count_learners(session, [member.course for member in taught])
+    return [
+        TaughtCourse(member.course, member, learners.get(member.course, 0), member.id == who.id) for member in taught
+    ]
 
 
 def is_instructor(member: Member) -> bool:
@@ -82,7 +84,7 @@ def enter_course(session: Session, who: Identity, member_id: str) -> BrowserSess
     """Opens a session in another course that this person teaches; `who` is left where it is a session of a course that
     was entered. Raises NotFound, Unauthorized."""
     members.require_credential(session, who)
-    chosen = [one.member for one in list_taught(session, who) if one.member.id == member_id]
+    chosen = [course.member for course in list_taught(session, who) if course.member.id == member_id]
     if not chosen or not who.by_cookie:
         raise NotFound("You teach no such course, or came to this one by a link of its own: sign in there.")
     presented = session.get_one(Credential, who.credential)

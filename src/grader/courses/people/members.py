@@ -58,7 +58,7 @@ def named(session: Session, name: str, role: Role, course: str | None = None, *,
 
 def other_roles(some: Sequence[Member]) -> str:
     """Says why these members get no link and no token for another role than theirs."""
-    each = ", ".join(f"{one.name} ({one.role})" for one in some)
+    each = ", ".join(f"{member.name} ({member.role})" for member in some)
     return (
         f"In the course already with another role: {each}. Links and tokens change no role. Ask for the role that they "
         "have, or change it first: on the page People, by PATCH /api/v1/members/{id}, or by `grader roster import`."

@@ -12,7 +12,7 @@ DIGITS = 4
 
 def marks_in(session: Session, course: str) -> Mapping[str, str]:
     """Returns the marks of the members of a course whose name another bears too, by id; of removed ones as well."""
-    return {one: make_mark(one) for one in people.namesakes(session, course)}
+    return {namesake: make_mark(namesake) for namesake in people.namesakes(session, course)}
 
 
 def make_mark(member: str) -> str:

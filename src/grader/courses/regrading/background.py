@@ -159,7 +159,10 @@ class Regrading:
         items = {
             item.number: item for item in regrades.numbered(session, regrade.id, [one.work.number for one in done])
         }
-        found = {one.id: one for one in submissions.several(session, [item.submission_id for item in items.values()])}
+        found = {
+            submission.id: submission
+            for submission in submissions.several(session, [item.submission_id for item in items.values()])
+        }
         storing = _Storing(self, session, regrade, self.archive.current_library(session, regrade.course, regrade.quiz))
         pause_s = 0.0
         for _, theirs in groupby(done, key=lambda one: one.work.place):
@@ -236,7 +239,7 @@ def get_points(result: Result | None) -> float | None:
 def read_works(session: Session, items: Sequence[RegradeItem]) -> Iterator[Work]:
     """Yields the submissions of items, with what is known of them."""
     ids = [item.submission_id for item in items]
-    found = {one.id: one for one in submissions.several(session, ids)}
+    found = {submission.id: submission for submission in submissions.several(session, ids)}
     verdicts, reviewed = submissions.verdicts(session, found.values()), regrades.reviewed(session, ids)
     for item in items:
         one = item.submission_id

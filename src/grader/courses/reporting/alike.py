@@ -44,8 +44,10 @@ def compare_scripts(
     """Compares the newest script of every learner at an exercise."""
     quiz, question = at
     answers = reader.read_for(desk, session, who, quiz, question)
-    newest = sorted((theirs[-1] for theirs in answers.by_learner.values()), key=lambda one: one.id)[-SCRIPTS_MAX:]
-    names = {one.id: one.name for one in newest}
+    newest = sorted((theirs[-1] for theirs in answers.by_learner.values()), key=lambda attempt: attempt.id)[
+        -SCRIPTS_MAX:
+    ]
+    names = {attempt.id: attempt.name for attempt in newest}
     sources = {row.id: read_source(row.answer) for row in submissions.several(session, list(names))}
     given = hash_given(list_given(desk.library, quiz, question))
     fingerprints = {one: take_fingerprints(source, given) for one, source in sources.items() if source}
@@ -57,7 +59,12 @@ def list_exercises(library: Library) -> list[tuple[str, Question]]:
     """Returns the exercises of the content that take scripts, with their quizzes: two right models are alike, and files
     have no lines."""
     quizzes = library.quizzes.values()
-    return [(quiz.id, one) for quiz in quizzes for one in quiz.questions if question_view(one).get("takes") == "python"]
+    return [
+        (quiz.id, question)
+        for quiz in quizzes
+        for question in quiz.questions
+        if question_view(question).get("takes") == "python"
+    ]
 
 
 def list_given(library: Library, quiz: str, question: Question) -> Iterator[str]:

@@ -63,18 +63,20 @@ class ClassAnswers:
     @property
     def solved(self) -> frozenset[str]:
         """The learners with a right attempt."""
-        return frozenset(who for who, theirs in self.by_learner.items() if any(one.is_right for one in theirs))
+        return frozenset(who for who, theirs in self.by_learner.items() if any(attempt.is_right for attempt in theirs))
 
     @property
     def families(self) -> list[Family]:
         """The mistakes, those of most learners first."""
         return group_mistakes(
-            {who: [(one.id, one.mistake) for one in theirs] for who, theirs in self.by_learner.items()}
+            {who: [(attempt.id, attempt.mistake) for attempt in theirs] for who, theirs in self.by_learner.items()}
         )
 
     def find(self, submission: str) -> ClassAttempt | None:
         """Returns the attempt of this id."""
-        return next((one for theirs in self.by_learner.values() for one in theirs if one.id == submission), None)
+        return next(
+            (attempt for theirs in self.by_learner.values() for attempt in theirs if attempt.id == submission), None
+        )
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ class ClassReader:
         named = {row.id: seen.names.get(row.id) or marked(row.user, row.learner, marks) for row, _ in rows}
         answers = name_choices(build_answers([(row, seen.verdicts[row.id]) for row, _ in rows], question), question)
         by_learner = {
-            learner: [replace(one, name=named[one.id]) for one in theirs]
+            learner: [replace(attempt, name=named[attempt.id]) for attempt in theirs]
             for learner, theirs in answers.by_learner.items()
         }
         return replace(answers, by_learner=by_learner)

@@ -66,7 +66,10 @@ class Statistics:
 
     def _compute(self, version: Version) -> QuizStatistics:
         quiz = version.quiz
-        tolerances = {one.id: [number.tolerance for number in kind_of(one).numbers(one)] for one in quiz.questions}
+        tolerances = {
+            question.id: [number.tolerance for number in kind_of(question).numbers(question)]
+            for question in quiz.questions
+        }
         without, hidden = version.without, version.hidden
         with self._database.read() as session:
             visible = (
@@ -74,5 +77,5 @@ class Statistics:
                 for rows in results.of_quiz(session, version.course, quiz.id)
             )
             by_question = tallies_of(visible, tolerances)
-        tallies = [by_question[one.id] for one in quiz.questions if one.id in by_question]
+        tallies = [by_question[question.id] for question in quiz.questions if question.id in by_question]
         return QuizStatistics(count_learners(tallies), statistics_of(tallies))

@@ -92,7 +92,7 @@ def select_stuck(runs: Iterable[Sequence[Try]], verdicts: Mapping[str, Any]) -> 
             newest = run[-1]
             at = (newest.learner, newest.name, newest.quiz, newest.question)
             found.append(Stuck(*at, len(run), diagnosis, newest.created_at))
-    return sorted(found, key=lambda one: (-one.attempts, one.last, one.name))
+    return sorted(found, key=lambda learner: (-learner.attempts, learner.last, learner.name))
 
 
 def find_shared_mistakes(session: Session, course: str) -> list[SharedMistake]:
@@ -113,4 +113,6 @@ def count_shared(made: Iterable[tuple[str, str, Any]]) -> list[SharedMistake]:
     counts = Counter((quiz, question, one.key) for quiz, question, one in found)
     names = {(quiz, question, one.key): one.name for quiz, question, one in found}
     shared = [SharedMistake(*at, names[at], learners) for at, learners in counts.items() if learners >= SHARED_MIN]
-    return sorted(shared, key=lambda one: (-one.learners, one.quiz, one.question, one.name))[:SHARED_MAX]
+    return sorted(shared, key=lambda mistake: (-mistake.learners, mistake.quiz, mistake.question, mistake.name))[
+        :SHARED_MAX
+    ]

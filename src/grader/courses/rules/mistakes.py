@@ -115,7 +115,7 @@ def group_mistakes(attempts: Mapping[str, Sequence[tuple[str, Mistake | None]]])
         Family(key, *counted.most_common(1)[0][0], tuple(still.get(key, ())), tuple(was.get(key, ())))
         for key, counted in sentences.items()
     ]
-    return sorted(families, key=lambda one: (-one.learners, -len(one.still), one.name))
+    return sorted(families, key=lambda family: (-family.learners, -len(family.still), family.name))
 
 
 def find_cure(sentence: str) -> str:

@@ -198,7 +198,7 @@ def counted(attempts: Sequence[Attempt], policy: Policy, extension: Extension | 
         index = points.index(max(points)) if policy.counts == "best" else -1
         total, sources = points[index], [decided[index]]
     due = due_of(policy, extension)
-    is_late = due is not None and any(one.at > due for one in sources)
+    is_late = due is not None and any(source.at > due for source in sources)
     return Counted(round(total, POINT_DIGITS), tuple(sources), is_final, is_late)
 
 

@@ -34,20 +34,24 @@ class Compared:
     @property
     def held(self) -> frozenset[str]:
         """The findings that passed."""
-        return frozenset(one["id"] for one in self.verdict.get("findings") or () if one.get("passed"))
+        return frozenset(finding["id"] for finding in self.verdict.get("findings") or () if finding.get("passed"))
 
 
 def describe_progress(earlier: Sequence[Compared], now: Compared) -> str:
     """Returns a sentence on an attempt beside earlier ones, in their order; empty where there is nothing to say. It is
     made of what the learner may see of the verdicts alone."""
-    before = [one for one in earlier if one.verdict.get("status") in COMPARED and one.attempt < now.attempt]
+    before = [
+        comparison
+        for comparison in earlier
+        if comparison.verdict.get("status") in COMPARED and comparison.attempt < now.attempt
+    ]
     if not before or now.verdict.get("status") not in COMPARED:
         return ""
     if now.verdict["status"] != Status.CORRECT and now.mistake:
         same = next((index for index in reversed(range(len(before))) if before[index].mistake == now.mistake), None)
         if same is not None:
             return describe_repetition(before, same)
-    last, best = before[-1], max(before, key=lambda one: one.points)
+    last, best = before[-1], max(before, key=lambda comparison: comparison.points)
     if now.points > last.points:
         more, several = len(now.held - last.held), len(now.verdict.get("findings") or ())
         gained = f": {more} more of {several} hold" if more and now.held >= last.held else ""
@@ -62,7 +66,7 @@ def describe_repetition(before: Sequence[Compared], same: int) -> str:
     repeated, between = before[same], before[same + 1 :]
     if not between:
         return f"The same mistake as in attempt {repeated.attempt}."
-    better = max(between, key=lambda one: one.points)
+    better = max(between, key=lambda comparison: comparison.points)
     gain = f", with {better.points:g} points" if better.points > repeated.points else ""
     return (
         f"The mistake of attempt {repeated.attempt} is back: in attempt {better.attempt} it was gone{gain}. See what "

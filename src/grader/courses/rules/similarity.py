@@ -148,7 +148,7 @@ def group_pairs(pairs: Sequence[Alike]) -> list[Group]:
                     reached += neighbours[script]
             groups.append([])
         groups[place[pair.one]].append(pair)
-    return [Group(tuple(one)) for one in groups]
+    return [Group(tuple(group)) for group in groups]
 
 
 def mark_lines(script: Fingerprints, other: Fingerprints) -> set[int]:

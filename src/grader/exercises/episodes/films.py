@@ -49,9 +49,9 @@ def choose_episode(outcome: Outcome) -> int:
 def keep_film(visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
     """Returns `film`: the positions in the visible cases, those that failed first. Where some episodes of a
     case failed, one of them and one that succeeded. Nothing where nothing was simulated."""
-    ordered = sorted(visible, key=lambda one: not any(one.judgement.outcome.failed))
-    cases = [{"case": one.trial.id, "runs": keep_runs(one.judgement.outcome)} for one in ordered[:FILMS_MAX]]
-    kept = [one for one in cases if one["runs"]]
+    ordered = sorted(visible, key=lambda trial: not any(trial.judgement.outcome.failed))
+    cases = [{"case": trial.id, "runs": keep_runs(trial.judgement.outcome)} for trial in ordered[:FILMS_MAX]]
+    kept = [case for case in cases if case["runs"]]
     about = "The judge's own simulation, with the controls that yours gave."
     return {"film": {"title": "Your run", "about": about, "cases": kept}} if kept else {}
 
@@ -93,8 +93,8 @@ def record_films(trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any]) 
     except ValidationError:
         return []
     problems = {trial.id: trial.problem for trial in trials}
-    films = [build_film(problems[one.case], one) for one in cases if one.case in problems]
-    return [one for one in films if one is not None]
+    films = [build_film(problems[case.case], case) for case in cases if case.case in problems]
+    return [film for film in films if film is not None]
 
 
 def build_film(problem: Problem, kept: Kept) -> Film | None:
@@ -102,7 +102,7 @@ def build_film(problem: Problem, kept: Kept) -> Film | None:
     if kept.runs[0].episode >= len(problem.episodes):
         return None
     scene, several = problem.episodes[kept.runs[0].episode].scene, len(problem.episodes) > 1
-    panels = tuple(build_panel(one, is_one_of_several=several) for one in kept.runs)
+    panels = tuple(build_panel(run, is_one_of_several=several) for run in kept.runs)
     if any(panel.qpos.shape != (len(panel.times_s), scene.model.nq) for panel in panels):
         return None
     title = problem.case.title or f"case {kept.case}"

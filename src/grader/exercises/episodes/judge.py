@@ -146,7 +146,7 @@ def bound_luck(parameters: EpisodesParameters, problem: Problem) -> float:
     simulated = min(EPISODES_OF_LUCK, episodes)
     for _, law in list_constant_laws(problem, has_target=parameters.has_target):
         records = [simulate_law(parameters, problem, index, law, problem.periods) for index in range(simulated)]
-        passed = sum(all(meets(goal, measure_goal(goal, one)) for goal in parameters.goals) for one in records)
+        passed = sum(all(meets(goal, measure_goal(goal, record)) for goal in parameters.goals) for record in records)
         if passed:
             most = max(most, bound_success(passed, simulated, episodes, problem.case.share))
     return most

@@ -195,7 +195,7 @@ def pose_case(
                 case.key,
                 {joint: draw_number(value, rng) for joint, value in case.start.items()},
                 {joint: draw_number(value, rng) for joint, value in case.start_velocity.items()},
-                [(one.at_s, draw_number(one.value, rng)) for one in case.target],
+                [(step.at_s, draw_number(step.value, rng)) for step in case.target],
                 load,
                 round(draw_number(case.delay_s, rng) / parameters.period_s),
                 case.noise,
@@ -218,8 +218,8 @@ def check_names(parameters: EpisodesParameters, problem: Problem) -> None:
         raise WrongParameter("goals", "`return` needs a `program` that defines reward(model, data, controls)")
     if problem.case.load is not None:
         plant.find_dof(problem.case.load.joint)
-    if problem.case.target and [one.at_s for one in problem.case.target] != sorted(
-        one.at_s for one in problem.case.target
+    if problem.case.target and [step.at_s for step in problem.case.target] != sorted(
+        step.at_s for step in problem.case.target
     ):
         raise WrongParameter("target", "the moments of its steps must rise")
     if any(isinstance(value, tuple) and value[0] < 0 for value in (problem.case.delay_s,)):

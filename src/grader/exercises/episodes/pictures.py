@@ -19,12 +19,12 @@ def build_evidence(parameters: EpisodesParameters, visible: Sequence[JudgedTrial
     """Returns two charts for each visible case: of its first episode that did not succeed, else of its first. They show
     what the learner's own controller did, so that they are feedback and no solution. The `film` shows it moving."""
     charts = []
-    for one in visible:
-        outcome = one.judgement.outcome
+    for trial in visible:
+        outcome = trial.judgement.outcome
         at = choose_episode(outcome)
         if len(outcome.records[at].time_s):
             title = f", episode {at + 1}" if len(outcome.records) > 1 else ""
-            charts += draw_record(parameters, one.trial.id, outcome.records[at], title)
+            charts += draw_record(parameters, trial.id, outcome.records[at], title)
     return {"motions": charts} | keep_film(visible)
 
 

@@ -184,7 +184,7 @@ def read_name(function: ast.expr) -> str:
 
 def list_defaults(arguments: ast.arguments) -> list[ast.expr]:
     """Returns the defaults of a function's arguments."""
-    return [one for one in (*arguments.defaults, *arguments.kw_defaults) if one is not None]
+    return [node for node in (*arguments.defaults, *arguments.kw_defaults) if node is not None]
 
 
 def list_items(value: ast.expr | None) -> list[ast.expr]:
@@ -257,7 +257,7 @@ def writes_field(node: ast.stmt, field: str) -> bool:
     call = node.value if isinstance(node, ast.Expr) else None
     if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name) or call.func.id != "setattr":
         return False
-    return any(isinstance(one, ast.Constant) and one.value == field for one in call.args)
+    return any(isinstance(arg, ast.Constant) and arg.value == field for arg in call.args)
 
 
 def is_half(value: ast.expr) -> bool:

@@ -27,7 +27,7 @@ def tells_numbers(sentence: str) -> bool:
     """Whether a sentence may tell numbers of a hidden case: some with more than two figures, or many. A script that
     makes up its trace chooses the numbers that a mistake's sentence takes from there."""
     figures = [number.replace(".", "").strip("0") for number in NUMBER.findall(sentence)]
-    return len(figures) > NUMBERS_MAX or any(len(one) > FIGURES_MAX for one in figures)
+    return len(figures) > NUMBERS_MAX or any(len(figure) > FIGURES_MAX for figure in figures)
 
 
 def diagnose(
@@ -47,11 +47,9 @@ def diagnose(
     if first is None:
         return None, None
     if first not in whole:
-        message = f"{message} {OTHER_MODEL}" if first.trial.hidden and kind.needs_model else message
+        message = f"{message} {OTHER_MODEL}" if first.hidden and kind.needs_model else message
         return Mistake(message), message
-    slip = explain_hidden_slip(
-        [one.trace for one in whole if not one.counts and one.trial.hidden == first.trial.hidden]
-    )
+    slip = explain_hidden_slip([trial.trace for trial in whole if not trial.counts and trial.hidden == first.hidden])
     slip = slip and correct_sentence(slip, gather_evidence(whole))
     if slip is not None:
         return Mistake(slip), slip
@@ -62,7 +60,7 @@ def diagnose(
     mistake = Mistake(named) if isinstance(named, str) else named
     evidence = gather_evidence(whole)
     sentence = correct_sentence(mistake.sentence, evidence, (*CLAIMS, *kind.claims)) if mistake else None
-    if mistake is None or sentence is None or (first.trial.hidden and tells_numbers(sentence)):
+    if mistake is None or sentence is None or (first.hidden and tells_numbers(sentence)):
         return Mistake(plain), plain
     line = mistake.line or find_landmark(sentence, evidence.script, kind.landmarks)
     mistake = replace(mistake, sentence=sentence, line=line)
@@ -81,13 +79,13 @@ def try_runs(
 
 def gather_evidence(judged: Sequence[AnyJudged]) -> Evidence:
     """Returns what the claims of a sentence are held against."""
-    traces = [one.trace for one in judged]
-    return Evidence(judged[0].script, traces, [one.trace for one in judged if not one.counts] or traces)
+    traces = [trial.trace for trial in judged]
+    return Evidence(judged[0].script, traces, [trial.trace for trial in judged if not trial.counts] or traces)
 
 
 def describe_success(kind: AnyKind, parameters: ExerciseParameters, judged: Sequence[AnyJudged]) -> str:
     """Returns how many trials hold, and what the kind says of a right script."""
-    hidden = sum(one.trial.hidden for one in judged)
+    hidden = sum(trial.hidden for trial in judged)
     cases = "The case holds" if len(judged) == 1 else f"All {len(judged)} cases hold"
     also = f", the {hidden} hidden ones too" if hidden > 1 else ", the hidden one too" if hidden else ""
     return f"{cases}{also}. {kind.describe_success(parameters, judged)}".rstrip()

@@ -60,6 +60,6 @@ def list_imports(module: ast.Module) -> Iterator[str]:
     """Yields the packages that a module imports, wherever it does."""
     for part in ast.walk(module):
         if isinstance(part, ast.Import):
-            yield from (one.name.partition(".")[0] for one in part.names)
+            yield from (alias.name.partition(".")[0] for alias in part.names)
         elif isinstance(part, ast.ImportFrom):
             yield "." if part.level else str(part.module).partition(".")[0]

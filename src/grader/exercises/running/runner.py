@@ -83,7 +83,7 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
     findings = build_findings(question, titles, judged)
     ends = [end for _, end in found]
     if ends[0] is not None and all(ends):
-        visible = {choose_message(one) for one in judged if not one.trial.hidden}
+        visible = {choose_message(one) for one in judged if not one.hidden}
         first = choose_message(judged[0])
         return build_failure(question, ends[0], first if len(visible) == 1 else f"{titles[0]}: {first}", findings)
     whole = [one for one, end in zip(judged, ends, strict=True) if not end]
@@ -97,7 +97,7 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
         diagnosis=mistake.sentence if mistake else None,
         line=mistake.line if mistake else None,
         direction=direction,
-        evidence=build_evidence(kind, plan.parameters, [one for one in whole if not one.trial.hidden]),
+        evidence=build_evidence(kind, plan.parameters, [one for one in whole if not one.hidden]),
     )
     review = next((one.judgement.review for one in judged if one.judgement.review), "")
     if review and verdict.status is not Status.INCORRECT:
@@ -124,5 +124,5 @@ def build_failure(question: ScriptQuestion, status: Status, why: str, findings: 
 
 def settle(judged: Sequence[AnyJudged]) -> list[AnyJudged]:
     """Decides which trials count."""
-    counting = list_counting({one.trial.id: one.judgement for one in judged})
-    return [replace(one, counts=one.trial.id in counting) for one in judged]
+    counting = list_counting({trial.id: trial.judgement for trial in judged})
+    return [replace(trial, counts=trial.id in counting) for trial in judged]

@@ -106,9 +106,9 @@ def score_of(
     maximum = round(sum(asked.values()), DIGITS)
     if not found or maximum <= 0:
         return None
-    decided = [one.points for one in found.values() if one.is_final]
+    decided = [result.points for result in found.values() if result.is_final]
     is_final = len(decided) == len(found)
-    given = round(sum(one.points for one in found.values()), DIGITS) if decided else None
+    given = round(sum(result.points for result in found.values()), DIGITS) if decided else None
     if len(found) < len(asked):
         activity = "InProgress"
     else:

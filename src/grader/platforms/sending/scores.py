@@ -70,7 +70,7 @@ class Prepared:
     @property
     def clears_comment(self) -> bool:
         """Whether the platform may show a comment that has been taken back."""
-        return any(one.comment for one in self.known)
+        return any(score.comment for score in self.known)
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Scores:
         theirs = results.of_learner(session, row.course, row.learner, row.quiz)
         quiz = library.quizzes.get(row.quiz)
         worth = {} if quiz is None else {question.id: question.points for question in quiz.questions}
-        remarks = reviews.read_remarks(session, [one.submission_id for one in theirs.values()])
+        remarks = reviews.read_remarks(session, [result.submission_id for result in theirs.values()])
         score = score_of(theirs, worth, row.question, remarks)
         sent = None if row.sent is None else Score.from_json(row.sent)
         tried = [Score.from_json(one) for one in json.loads(row.tried or "[]")]
@@ -244,7 +244,7 @@ def is_a_persons(prepared: Prepared, found: PlatformResult) -> bool:
     platforms enter it by themselves when an answer is late."""
     ours = [prepared.score, *prepared.known]
     is_first_zero = prepared.is_first and not found.score
-    return found.score is not None and not is_first_zero and not any(one.is_at(found) for one in ours)
+    return found.score is not None and not is_first_zero and not any(score.is_at(found) for score in ours)
 
 
 def overridden(found: PlatformResult) -> str:
@@ -261,8 +261,10 @@ def is_no_student(session: Session, row: Delivery) -> bool:
 
 def withheld(access: LearnerAccess, quiz: str, questions: Sequence[str], clock: datetime) -> Held | None:
     """Whether the learner may not see yet how one of the questions was graded: then the platform does not show it."""
-    closed = [one for one in (access.decide(quiz, name) for name in questions) if one.shown < Shown.FEEDBACK]
+    closed = [
+        decision for decision in (access.decide(quiz, name) for name in questions) if decision.shown < Shown.FEEDBACK
+    ]
     if not closed:
         return None
-    closes = [one.closes for one in closed if one.closes is not None and one.closes > clock]
+    closes = [decision.closes for decision in closed if decision.closes is not None and decision.closes > clock]
     return Held((max(closes) - clock).total_seconds() + 1.0 if len(closes) == len(closed) else None)

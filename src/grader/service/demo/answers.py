@@ -71,9 +71,9 @@ def build_pools(library: Library) -> dict[tuple[str, str], AnswerPool]:
     """Returns the answers to every question that some can be made up for, by quiz and question. Exercises without
     reference programs have none, and neither have questions whose keys are neither one option nor one number."""
     programs: dict[tuple[str, str], list[ReferenceProgram]] = {}
-    for one in find_references(library.root):
-        if isinstance(one, ReferenceProgram):
-            programs.setdefault((one.quiz, one.question), []).append(one)
+    for reference in find_references(library.root):
+        if isinstance(reference, ReferenceProgram):
+            programs.setdefault((reference.quiz, reference.question), []).append(reference)
     pools = {}
     for quiz in library.quizzes.values():
         for question in quiz.questions:
@@ -104,13 +104,13 @@ def build_pool(question: Question, programs: Sequence[ReferenceProgram]) -> Answ
 
 def pool_programs(question: Question, programs: Sequence[ReferenceProgram]) -> AnswerPool | None:
     """Returns the reference programs of an exercise without what cheats, which is rarer than the folder has it."""
-    honest = [one for one in programs if "cheat" not in one.file]
-    right = [one for one in honest if one.status == Status.CORRECT]
-    wrong = [one for one in honest if one.status != Status.CORRECT]
+    honest = [program for program in programs if "cheat" not in program.file]
+    right = [program for program in honest if program.status == Status.CORRECT]
+    wrong = [program for program in honest if program.status != Status.CORRECT]
     if not right or not wrong:
         return None
-    weights = tuple(COMMON_WEIGHT if name_mistake(one) in COMMON else 1 for one in wrong)
-    rights, wrongs = (tuple(make_answer(question, one) for one in some) for some in (right, wrong))
+    weights = tuple(COMMON_WEIGHT if name_mistake(program) in COMMON else 1 for program in wrong)
+    rights, wrongs = (tuple(make_answer(question, program) for program in some) for some in (right, wrong))
     return AnswerPool(rights, wrongs, weights, is_script=True)
 
 

@@ -99,7 +99,7 @@ def plan_answers(
                 far = (place + 1) / (len(quiz.questions) + 1)
                 if takes_part(rng, learner, pool, far):
                     planned += plan_attempts(rng, learner, (quiz.id, question), pool, (now - BEGAN, ends))
-    return sorted(planned, key=lambda one: (one.at, one.learner.name, one.question))
+    return sorted(planned, key=lambda answer: (answer.at, answer.learner.name, answer.question))
 
 
 def takes_part(rng: Random, learner: DemoLearner, pool: AnswerPool, far: float) -> bool:

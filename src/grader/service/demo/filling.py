@@ -85,7 +85,7 @@ def fill_demo(
         cast = draw_learners(rng, learners)
         planned = plan_answers(rng, library, cast, build_pools(library), now)
         secret = f"demo {seed}".encode()
-        parsed = [parse_planned(pipeline, secret, one) for one in planned]
+        parsed = [parse_planned(pipeline, secret, answer) for answer in planned]
         say(f"{len(cast)} learners with {len(planned)} answers; judging the scripts among them, each once")
         verdicts = judge_answers(settings, pipeline, passed, parsed, say)
         who = add_members(database, course, cast, now)
@@ -97,7 +97,7 @@ def fill_demo(
             waiting = count_waiting(session, course)
     finally:
         database.close()
-    scripts = {one.digest for one in parsed if not one.is_instant}
+    scripts = {submission.digest for submission in parsed if not submission.is_instant}
     return DemoFilled(course, len(cast), len(planned), len(scripts), waiting)
 
 
@@ -124,8 +124,8 @@ def judge_answers(
     settings: Settings, pipeline: Pipeline, passed: PassedChecks, parsed: Sequence[ParsedSubmission], say: Say
 ) -> dict[str, Verdict]:
     """Returns the verdict on each answer by its digest. The jail starts only where a script's verdict is not kept."""
-    verdicts = {one.digest: pipeline.judge(one) for one in parsed if one.is_instant}
-    scripts = list({one.digest: one for one in parsed if not one.is_instant}.values())
+    verdicts = {submission.digest: pipeline.judge(submission) for submission in parsed if submission.is_instant}
+    scripts = list({submission.digest: submission for submission in parsed if not submission.is_instant}.values())
     workers, opening = max(1, settings.workers), Lock()
     with ExitStack() as stack:
         start = cache(lambda: stack.enter_context(Graders(workers, allow_t2=settings.allow_t2)))
@@ -157,10 +157,10 @@ def add_members(database: Database, course: str, cast: Sequence[DemoLearner], no
     """Makes the learners members of the course; returns its instructor."""
     with database.write() as session:
         who = members.named(session, INSTRUCTOR, Role.INSTRUCTOR, course)
-        for one in cast:
-            account = f"name:{one.name}"
+        for learner in cast:
+            account = f"name:{learner.name}"
             joined = now - timedelta(days=28)
-            session.add(Member(id=one.member_id, course=course, name=one.name, account=account,
+            session.add(Member(id=learner.member_id, course=course, name=learner.name, account=account,
                                role=Role.STUDENT.value, created_at=joined))  # fmt: skip
         return Identity(who.id, who.name, Role.INSTRUCTOR, course)
 

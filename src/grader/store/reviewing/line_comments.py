@@ -49,8 +49,8 @@ def on_submissions(session: Session, ids: Iterable[str]) -> dict[str, list[LineC
     """The comments on submissions, by submission, each in the order BY_LINE."""
     wanted = select(LineComment).where(LineComment.submission_id.in_(list(ids)))
     found: dict[str, list[LineComment]] = {}
-    for one in session.scalars(wanted.order_by(*BY_LINE)):
-        found.setdefault(one.submission_id, []).append(one)
+    for comment in session.scalars(wanted.order_by(*BY_LINE)):
+        found.setdefault(comment.submission_id, []).append(comment)
     return found
 
 

@@ -60,8 +60,10 @@ def holdings_of(session: Session, member: Member) -> dict[str, Any]:
     ids = select(Submission.id).where(*theirs)
     below = {name: rows_of(session, row, _column(row, "submission_id").in_(ids)) for name, row in OF_SUBMISSION.items()}
     submissions = rows_of(session, Submission, *theirs)
-    for one in submissions:
-        one |= {name: [row for row in rows if row["submission_id"] == one["id"]] for name, rows in below.items()}
+    for submission in submissions:
+        submission |= {
+            name: [row for row in rows if row["submission_id"] == submission["id"]] for name, rows in below.items()
+        }
     is_about = or_(
         names_in_audit(session, member),
         AuditEntry.actor == member.id,
@@ -98,7 +100,9 @@ def rows_of(session: Session, table: type[Base], *where: ColumnElement[bool]) ->
 
 def values_of(row: Base) -> dict[str, Any]:
     """A row by column, with JSON as what it says; without secrets."""
-    values = {one.key: getattr(row, one.key) for one in row.__mapper__.column_attrs if one.key not in SECRETS}
+    values = {
+        column.key: getattr(row, column.key) for column in row.__mapper__.column_attrs if column.key not in SECRETS
+    }
     parsed = {name: json.loads(text) for name in JSON_TEXT if (text := values.get(name)) not in (None, ERASED)}
     return values | parsed
 

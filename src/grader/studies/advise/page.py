@@ -64,7 +64,7 @@ def draw_page(advice: Advice, title: str) -> str:
 def draw_figure(advice: Advice) -> str:
     """Returns the picture with what its marks mean. It keeps its size on a narrow screen, and scrolls there."""
     about = "The line joins the settings that no other beats in both cost and error; the ring is the choice."
-    if any(one.error == inf for one in advice.selection.candidates):
+    if any(candidate.error == inf for candidate in advice.selection.candidates):
         about += " Hollow marks at the upper edge diverged."
     picture = f'<div class="scroll" tabindex="0" role="region" aria-label="Diagram">{draw_diagram(advice)}</div>'
     return f"<figure>{picture}<figcaption>{about}</figcaption></figure>"
@@ -73,13 +73,13 @@ def draw_figure(advice: Advice) -> str:
 def draw_table(advice: Advice) -> str:
     """Returns the settings as a table, the cheapest first."""
     rows = []
-    for one in advice.selection.candidates:
-        mark = ' class="choice-row"' if one == advice.choice else ""
-        error = "diverged" if one.error == inf else f"{one.error:.2e}"
-        front = "yes" if one in advice.selection.front else ""
-        cells = (f"{one.cost:g}", error, f"{1e3 * one.cpu:.3g}", front, escape(one.warning or ""))
+    for candidate in advice.selection.candidates:
+        mark = ' class="choice-row"' if candidate == advice.choice else ""
+        error = "diverged" if candidate.error == inf else f"{candidate.error:.2e}"
+        front = "yes" if candidate in advice.selection.front else ""
+        cells = (f"{candidate.cost:g}", error, f"{1e3 * candidate.cpu:.3g}", front, escape(candidate.warning or ""))
         body = "".join(f"<td>{cell}</td>" for cell in cells)
-        rows.append(f'<tr{mark}><th scope="row">{escape(advice.name(one))}</th>{body}</tr>')
+        rows.append(f'<tr{mark}><th scope="row">{escape(advice.name(candidate))}</th>{body}</tr>')
     head = "".join(
         f'<th scope="col">{name}</th>'
         for name in ("setting", "cost [1/s]", "error", "CPU [ms/s]", "Pareto front", "warning")
@@ -92,8 +92,8 @@ class _Scale:
     """Positions of costs and errors in the picture, both logarithmic."""
 
     def __init__(self, candidates: tuple[Candidate, ...], *levels: float) -> None:
-        costs = [log10(one.cost) for one in candidates]
-        sizes = [one.error for one in candidates] + [level for level in levels if level > 0]
+        costs = [log10(candidate.cost) for candidate in candidates]
+        sizes = [candidate.error for candidate in candidates] + [level for level in levels if level > 0]
         errors = [log10(max(size, ERROR_MIN)) for size in sizes if isfinite(size)]
         self.costs = (floor(min(costs)), ceil(max(costs) + 1e-9))
         self.errors = (floor(min(errors)), ceil(max(errors) + 1e-9))
@@ -113,9 +113,12 @@ def draw_diagram(advice: Advice) -> str:
     selection = advice.selection
     scale = _Scale(selection.candidates, selection.tolerance, selection.reference_error)
     parts = list(_draw_axes(scale))
-    front = " ".join(f"{scale.x(one.cost):.1f},{scale.y(one.error):.1f}" for one in selection.front)
+    front = " ".join(f"{scale.x(candidate.cost):.1f},{scale.y(candidate.error):.1f}" for candidate in selection.front)
     parts.append(f'<polyline class="front" points="{front}"/>')
-    parts += (_draw_mark(one, scale.x(one.cost), scale.y(one.error), advice.name(one)) for one in selection.candidates)
+    parts += (
+        _draw_mark(candidate, scale.x(candidate.cost), scale.y(candidate.error), advice.name(candidate))
+        for candidate in selection.candidates
+    )
     parts += _draw_level(scale, selection.tolerance, "limit", "tolerance", -6)
     parts += _draw_level(scale, selection.reference_error, "doubt", "uncertainty of the reference", 15)
     if (best := advice.choice) is not None:

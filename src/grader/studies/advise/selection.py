@@ -285,11 +285,11 @@ class _Survey:
         """Returns the largest timestep that passes with every smaller one that was measured."""
         own = sorted(
             (
-                one
-                for one in self.measured.values()
-                if one.integrator is integrator and one.timestep_s in self.offered[integrator]
+                candidate
+                for candidate in self.measured.values()
+                if candidate.integrator is integrator and candidate.timestep_s in self.offered[integrator]
             ),
-            key=lambda one: one.timestep_s,
+            key=lambda candidate: candidate.timestep_s,
         )
         passing = list(takewhile(self.passes, own))
         return passing[-1] if passing else None
@@ -302,7 +302,9 @@ class _Survey:
         """Returns the cheapest setting that passes, with those that confirm it."""
         passing = filter(None, map(self.find_passing, self.offered))
         confirmed = (
-            one for one in passing if all((one.integrator, h) in self.measured for h in self.list_confirming(one))
+            candidate
+            for candidate in passing
+            if all((candidate.integrator, h) in self.measured for h in self.list_confirming(candidate))
         )
         return min(confirmed, key=_rank, default=None)
 

@@ -203,7 +203,9 @@ def read_versions() -> dict[str, str]:
 
 def read_version(package: str) -> str:
     """Returns the version of a package, or `not installed`."""
-    return next((one.version for one in distributions() if one.name == package), "not installed")
+    return next(
+        (distribution.version for distribution in distributions() if distribution.name == package), "not installed"
+    )
 
 
 def describe_machine() -> dict[str, str | int | float]:

@@ -217,4 +217,4 @@ class AuthorDesk:
 
 def list_about(faults: list[Fault], file: str, question: str) -> Iterator[Fault]:
     """Yields the faults that are about a question first, then those of its file, then all others."""
-    yield from sorted(faults, key=lambda one: (one.file != file, one.key.partition(".")[0] != question, one))
+    yield from sorted(faults, key=lambda fault: (fault.file != file, fault.key.partition(".")[0] != question, fault))

@@ -83,7 +83,11 @@ def render(request: Request, services: AppServices, who: Instructor, trouble: st
     changes = list_changes(now, draft.library) if draft.library is not None else []
     answered = count_answered(services, who.course, changes)
     rows = [describe_change(change, now, draft, answered) for change in changes]
-    remarks = [one for one in draft.library.warnings if one not in now.warnings] if draft.library is not None else []
+    remarks = (
+        [warning for warning in draft.library.warnings if warning not in now.warnings]
+        if draft.library is not None
+        else []
+    )
     return page(
         request, "draft.html", status, who=who, draft=draft, rows=rows, trouble=trouble, remarks=remarks,
         is_same=draft.library is not None and draft.revision == revise(now),
@@ -117,7 +121,7 @@ def describe_change(change: Change, now: Library, draft: Draft, answered: dict[t
         title = list_titles(library)[change.quiz, change.part]
     return {
         "quiz": change.quiz, "part": change.part, "how": change.how, "title": title,
-        "edits": [one._replace(path=join_path(change.part, one.path)) for one in change.edits],
+        "edits": [edit._replace(path=join_path(change.part, edit.path)) for edit in change.edits],
         "regrade": bool(learners and change.part and change.how not in (ADDED, REMOVED) and not change.is_silent),
         "meaning": describe_meaning(change, learners),
         "address": f"{PAGE}/{change.quiz}/{change.part}"

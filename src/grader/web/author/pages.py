@@ -162,7 +162,9 @@ def describe_report(
     return {
         "faults": list(list_about(faults, file, question)),
         "remarks": [] if report is None else report.warnings,
-        "certificates": [] if report is None else [one | {"figure": draw_key(one)} for one in report.certificates],
+        "certificates": []
+        if report is None
+        else [certificate | {"figure": draw_key(certificate)} for certificate in report.certificates],
         "proposals": [] if report is None else report.proposals,
         "references": [] if report is None else report.references,
         "luck": [] if report is None else report.chances,

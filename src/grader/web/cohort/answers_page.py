@@ -94,14 +94,14 @@ class ClassAt:
     def list_wrong(self, axis: ClassAxis) -> list[Position]:
         """Returns the newest position of each learner who is wrong on an axis."""
         placed = (
-            [one.positions[axis.id] for one in theirs if axis.id in one.positions]
+            [attempt.positions[axis.id] for attempt in theirs if axis.id in attempt.positions]
             for theirs in self.answers.by_learner.values()
         )
         return [theirs[-1] for theirs in placed if theirs and not axis.accepts(theirs[-1])]
 
     def find_family(self, key: str) -> Family | None:
         """Returns the mistake of this key."""
-        return next((one for one in self.families if one.key == key), None)
+        return next((family for family in self.families if family.key == key), None)
 
 
 def read_class(services: Services, who: Identity, quiz: str, question: str) -> ClassAt:
@@ -129,7 +129,7 @@ def show_class(
         "axis": chosen,
         "plot": plot,
         "headline": choose_headline(at, chosen, plot),
-        "mistakes": [list_family(at, one) for one in at.families],
+        "mistakes": [list_family(at, family) for family in at.families],
         "shown": count_shown(at.families),
         "options": list_options(at),
         "advice": advise(at, chosen, plot),
@@ -160,7 +160,7 @@ def list_family(at: ClassAt, family: Family) -> Listed:
 
 def count_shown(families: Sequence[Family]) -> int:
     """Returns how many mistakes are shown at once: those of several learners, and a few of one."""
-    several = sum(one.learners > 1 for one in families)
+    several = sum(family.learners > 1 for family in families)
     return len(families) if len(families) <= several + ALONE else max(several, ALONE)
 
 
@@ -177,7 +177,7 @@ def list_options(at: ClassAt) -> list[Listed]:
     firsts = [theirs[0] for theirs in at.answers.by_learner.values()]
     listed = []
     for place, option in enumerate(options):
-        chose = [Person(one.name, make_address(one)) for one in firsts if place in one.options]
+        chose = [Person(attempt.name, make_address(attempt)) for attempt in firsts if place in attempt.options]
         if chose or len(options) <= NAMES:
             rest = max(0, len(chose) - NAMES)
             key = f"option-{place}"
@@ -193,7 +193,7 @@ def choose_headline(at: ClassAt, axis: ClassAxis | None, plot: ClassPlot | None)
     solve = f"{solved} of {learners} {'has' if learners == 1 else 'have'} solved it"
     if plot is not None and axis is not None and axis.right is not None and plot.near > solved:
         return f"{plot.near} of {plot.claims} {describe_near(axis)}, yet only {solve}"
-    still = [one for one in at.families if one.still]
+    still = [family for family in at.families if family.still]
     if still and len(still[0].still) > 1:
         return f"{solve}; {len(still[0].still)} still end in one mistake"
     return solve

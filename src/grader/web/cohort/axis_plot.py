@@ -84,7 +84,7 @@ def list_dots(answers: ClassAnswers, axis: ClassAxis, own: str = "") -> list[Dot
     """Returns the dots of an axis; `own` is the learner who looks."""
     dots = []
     for learner, theirs in answers.by_learner.items():
-        claimed = [(one, one.positions[axis.id]) for one in theirs if axis.id in one.positions]
+        claimed = [(attempt, attempt.positions[axis.id]) for attempt in theirs if axis.id in attempt.positions]
         if not claimed:
             continue
         (_, first), (newest, last) = claimed[0], claimed[-1]
@@ -206,7 +206,7 @@ def draw_band(canvas: Canvas) -> None:
     """The band below the piles: stable and growing for a limit, accepted for a number; then the ticks."""
     drawing, axis, across, base = canvas.drawing, canvas.axis, canvas.across, canvas.base
     if axis.right is not None:
-        left, right = (min(max(across.at(one), across.start), across.end) for one in axis.right)
+        left, right = (min(max(across.at(value), across.start), across.end) for value in axis.right)
         if axis.is_limit:
             drawing.box("stable", across.start, base, left - across.start, BAND)
             drawing.hatch("grows", left, base, across.end - left, BAND)

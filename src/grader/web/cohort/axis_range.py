@@ -14,7 +14,7 @@ MARGIN, MARGIN_LOG = 0.06, 0.03
 
 def choose_range(positions: Sequence[Position], axis: ClassAxis) -> tuple[float, float]:
     """Returns the ends of the axis: of the positions that are not far off, the limit and the marks."""
-    values = [one.middle for one in positions if not one.is_none]
+    values = [position.middle for position in positions if not position.is_none]
     known = [value for value in (*(axis.right or ()), *(mark for _, mark in axis.marks)) if math.isfinite(value)]
     return choose_log_range(values, known, axis) if axis.is_log else choose_linear_range(values, known, axis)
 

@@ -71,7 +71,7 @@ def show_to_learner(
 def count_positions(answers: ClassAnswers, axis: ClassAxis) -> list[tuple[str, int]]:
     """Returns the claims on an axis to two figures, with how many learners made each, the commonest first."""
     counts = Counter(describe_position(dot.position, axis) for dot in list_dots(answers, axis))
-    return sorted(counts.items(), key=lambda one: (-one[1], one[0]))
+    return sorted(counts.items(), key=lambda count: (-count[1], count[0]))
 
 
 def describe_position(position: Position, axis: ClassAxis) -> str:

@@ -82,11 +82,11 @@ def place_labels(wanted: Sequence[Label], taken: Sequence[Box], width: float, to
     """Returns the labels that find room between `top` and their piles, at most so many; the first come first. `taken`
     is where something stands already."""
     placed: list[Label] = []
-    for one in wanted:
-        half = one.box.half
-        steps = max(0, int((one.box.top - top) // HEIGHT)) + 1
-        places = [min(max(x, half), width - half) for x in (one.x, one.x + EDGE - half, one.x - EDGE + half)]
-        tries = [replace(one, x=x, y=one.y - HEIGHT * step) for step in range(steps) for x in places]
+    for label in wanted:
+        half = label.box.half
+        steps = max(0, int((label.box.top - top) // HEIGHT)) + 1
+        places = [min(max(x, half), width - half) for x in (label.x, label.x + EDGE - half, label.x - EDGE + half)]
+        tries = [replace(label, x=x, y=label.y - HEIGHT * step) for step in range(steps) for x in places]
         names = [each.box for each in placed]
         rooms = [*taken, *names, *(each.leader for each in placed)]
         free = next(

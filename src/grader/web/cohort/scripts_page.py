@@ -88,7 +88,7 @@ def comment_all(services: AppServices, who: Instructor, quiz_id: str, question_i
     if family is None:
         raise NotFound("No answer ends in this mistake any more.")
     attempts = [at.answers.find(one.submission) for one in family.still or family.was]
-    lines = {one.id: one.line for one in attempts if one is not None}
+    lines = {attempt.id: attempt.line for attempt in attempts if attempt is not None}
     with services.database.write() as session:
         rows = [(row, lines[row.id]) for row in submissions.several(session, list(lines))]
         written = write_comment(session, who, rows, form.get("text", "").replace("\r\n", "\n"))

@@ -95,14 +95,14 @@ lucks = Lucks()
 def _certified(keyed: _Keyed) -> tuple[dict[str, Any], ...]:
     return tuple(
         {
-            "quiz": one.quiz,
-            "question": one.question.id,
-            "title": f"{choose_title(one.question)}: {shorten_title(None, one.key.text)}"
-            if one.key.place
-            else choose_title(one.question),
-            **word_certificate(one.key, one.certificate),
+            "quiz": certified.quiz,
+            "question": certified.question.id,
+            "title": f"{choose_title(certified.question)}: {shorten_title(None, certified.key.text)}"
+            if certified.key.place
+            else choose_title(certified.question),
+            **word_certificate(certified.key, certified.certificate),
         }
-        for one in certify_quizzes(keyed.library, [keyed.quiz], keyed.passed)
+        for certified in certify_quizzes(keyed.library, [keyed.quiz], keyed.passed)
     )
 
 

@@ -105,7 +105,9 @@ def render(
         "choices": CHOICES,
         "moments": MOMENTS,
         "typed": typed or {},
-        "own_attempts": {one.id: one.attempts for one in chosen.questions if one.attempts is not None},
+        "own_attempts": {
+            question.id: question.attempts for question in chosen.questions if question.attempts is not None
+        },
     }
     return page(request, "dates.html", status, PRIVATE, who=who, **(context | more))
 

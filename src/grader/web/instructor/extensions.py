@@ -72,7 +72,7 @@ def render(request: Request, services: Services, who: Identity, quiz: str, statu
         "given": given,
         "published": published and format_day(published),
         "typed": {},
-        "counts_attempts": policy.attempts is not None or any(one.attempts for one in chosen.questions),
+        "counts_attempts": policy.attempts is not None or any(question.attempts for question in chosen.questions),
     }
     return page(request, "extensions.html", status, who=who, **(context | more))
 
@@ -104,9 +104,11 @@ def grant(request: Request, services: AppServices, who: Instructor, form: Form) 
             raise Unprocessable("Give a date or further attempts. “Take back” below ends an extension.")
         with services.database.write() as session:
             chosen = choose_learners(form, people.learners(session, who.course), marks := marks_in(session, who.course))
-            for learner in sorted(chosen, key=lambda one: one.id):  # in one order, so that two pages never deadlock
+            for learner in sorted(
+                chosen, key=lambda member: member.id
+            ):  # in one order, so that two pages never deadlock
                 results.grant(services.database, library, session, learner, quiz, granted=granted, by=who)
-            names = [marked(one.name, one.id, marks) for one in chosen]
+            names = [marked(member.name, member.id, marks) for member in chosen]
             policy = read_policies(session, library, who.course, [quiz])[quiz]
     except Unprocessable as error:
         return render(request, services, who, quiz, 422, trouble=str(error).splitlines(), typed=form)
@@ -124,16 +126,16 @@ def choose_learners(form: Mapping[str, str], learners: Sequence[Member], marks: 
     wanted = dict.fromkeys(name for line in form.get("names", "").splitlines() if (name := " ".join(line.split())))
     troubles = [explain_refusal(name, len(named.get(name, ()))) for name in wanted if len(named.get(name, ())) != 1]
     ticked = {name.removeprefix(TICKED) for name in form if name.startswith(TICKED)}
-    if gone := ticked - {one.id for one in learners}:
+    if gone := ticked - {learner.id for learner in learners}:
         troubles.append(f"{len(gone)} of those ticked: no learner of this course any more.")
-    ticked |= {one.id for name in wanted for one in named.get(name, ())}
+    ticked |= {member.id for name in wanted for member in named.get(name, ())}
     if not ticked and not troubles:
         troubles = ["Tick or name at least one learner."]
     elif troubles:
         troubles.insert(0, "Nothing was given to anybody.")
     if troubles:
         raise Unprocessable("\n".join(troubles))
-    return [one for one in learners if one.id in ticked]
+    return [learner for learner in learners if learner.id in ticked]
 
 
 def explain_refusal(name: str, bearers: int) -> str:

@@ -115,7 +115,7 @@ def gradebook(
         "quizzes": quizzes,
         "quiz": chosen[0] if len(chosen) == 1 else None,
         "columns": columns,
-        "of": math.fsum(one.of for one in columns),
+        "of": math.fsum(column.of for column in columns),
         "rows": rows[:ROWS],
         "absent": absent[:ABSENT],
         "more_absent": len(absent) > ABSENT,
@@ -132,29 +132,30 @@ def list_questions(library: Library, quiz: Quiz) -> list[Column]:
     """A column for every question of a quiz."""
     titles = list_titles(library)
     return [
-        Column(one.id, titles[quiz.id, one.id], plain_text(one.title or one.q), one.points) for one in quiz.questions
+        Column(question.id, titles[quiz.id, question.id], plain_text(question.title or question.q), question.points)
+        for question in quiz.questions
     ]
 
 
 def list_quizzes(quizzes: Sequence[Quiz]) -> list[Column]:
     """A column for every quiz."""
     return [
-        Column(one.id, title, title, sum_points(one), f"{PAGE}?quiz={one.id}")
-        for one in quizzes
-        for title in [plain_text(one.title)]
+        Column(quiz.id, title, title, sum_points(quiz), f"{PAGE}?quiz={quiz.id}")
+        for quiz in quizzes
+        for title in [plain_text(quiz.title)]
     ]
 
 
 def sum_points(quiz: Quiz) -> float:
     """Returns the points of a quiz."""
-    return math.fsum(one.points for one in quiz.questions)
+    return math.fsum(question.points for question in quiz.questions)
 
 
 def list_rows(session: Session, who: Identity, quizzes: Sequence[Quiz], start: int, **wanted: Any) -> list[Row]:
     """Returns one learner more than a page has."""
     without, unseen = results.instructors(session, who.course), unseen_by(session, who).results
     reviewer = who.id if unseen else ""
-    questions, ids = sum(len(one.questions) for one in quizzes), [one.id for one in quizzes]
+    questions, ids = sum(len(quiz.questions) for quiz in quizzes), [quiz.id for quiz in quizzes]
     ranking = Ranking(who.course, ids, questions, without, reviewer=reviewer, **wanted)
     found = results.ranked(session, ranking, start, ROWS + 1)
     learners = [learner for learner, _ in found]

@@ -56,7 +56,7 @@ def story(
     name = member.name if member is not None else rows[0].user
     parts = group_answers(desk.library, given, cells, averaged)
     following = rows[ANSWERS - 1].id if len(rows) > ANSWERS else None
-    counted = [one for one in counts.values() if not is_in(unseen, one) and (one.is_final or one.points)]
+    counted = [result for result in counts.values() if not is_in(unseen, result) and (result.is_final or result.points)]
     total = (sum(one.points for one in counted), sum(one.max_points for one in counted))
     return page(
         request, "learner.html", who=who, learner=learner, name=name, parts=parts, following=following,
@@ -72,7 +72,7 @@ def group_answers(
     """Returns the answers by question, in the order of the content; questions that it has lost come last. None stands
     for an answer that bears a pseudonym for its reviewers. In the quizzes `averaged` all attempts count."""
     titles = list_titles(library)
-    questions = {(quiz.id, one.id): one for quiz in library.quizzes.values() for one in quiz.questions}
+    questions = {(quiz.id, question.id): question for quiz in library.quizzes.values() for question in quiz.questions}
     places = {at: place for place, at in enumerate(questions)}
 
     def place(one: tuple[str, str, Given | None]) -> tuple[int, str, str]:

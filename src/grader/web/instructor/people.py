@@ -114,10 +114,12 @@ def render(
             "count": people.count(session, who.course, listed.wanted),
             "course_count": people.count(session, who.course),
             "invitations": [
-                tokens.shown(one) for one in invitations.pending(session, who.course) if is_invitation(one)
+                tokens.shown(credential)
+                for credential in invitations.pending(session, who.course)
+                if is_invitation(credential)
             ],
-            "tokens": [tokens.shown(one) for one in tokens.tokens(session, who.course)],
-            "audit": [(one, *describe_subject(one)) for one in entries[:ROWS]],
+            "tokens": [tokens.shown(token) for token in tokens.tokens(session, who.course)],
+            "audit": [(entry, *describe_subject(entry)) for entry in entries[:ROWS]],
             "marks": marks_in(session, who.course),
             "more_audit": entries[ROWS - 1].id if len(entries) > ROWS else None,
         }
@@ -143,16 +145,17 @@ def is_invitation(link: Credential) -> bool:
 
 def list_members(session: Session, who: Identity, members: Sequence[Member]) -> list[dict[str, Any]]:
     """Members with where they come from, and whether another has the same address."""
-    launched = platforms.courses_of(session, [one.id for one in members])
+    launched = platforms.courses_of(session, [member.id for member in members])
     twins = people.sharing_email(session, who.course, members)
     return [
         {
-            "row": one,
-            "origin": ", ".join(f"{name}: {title}" for name, title in launched.get(one.id, ())) or describe_origin(one),
-            "has_twin": bool(twins.get(one.id)),
-            "is_self": one.id == who.id,
+            "row": member,
+            "origin": ", ".join(f"{name}: {title}" for name, title in launched.get(member.id, ()))
+            or describe_origin(member),
+            "has_twin": bool(twins.get(member.id)),
+            "is_self": member.id == who.id,
         }
-        for one in members
+        for member in members
     ]
 
 
@@ -195,7 +198,7 @@ def render_links(
 ) -> Response:  # fmt: skip
     """Renders the page with new links, which are shown this once."""
     origin = services.origin_of(request)
-    links = [(one.member.name, f"{origin}/signin?code={one.code}") for one in made]
+    links = [(invitation.member.name, f"{origin}/signin?code={invitation.code}") for invitation in made]
     table = "".join(lines([("name", "link"), *((guarded(name), url) for name, url in links)]))
     return render(request, services, who, part, listed=listed, links=links, links_table=table)
 

@@ -15,4 +15,4 @@ def choose_quiz(services: Services, who: Identity, quizzes: Sequence[Quiz], want
         return services.library_for(who).quiz(wanted)
     with services.database.read() as session:
         newest = submissions.find_newest_quiz(session, who.course)
-    return next((one for one in quizzes if one.id == newest), quizzes[0])
+    return next((quiz for quiz in quizzes if quiz.id == newest), quizzes[0])

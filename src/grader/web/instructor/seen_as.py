@@ -102,7 +102,9 @@ def read_visible_work(session: Session, desk: Desk, who: Identity, reader: Ident
     rows = [*newest, *submissions.several(session, earlier)] if earlier else newest
     names = blinded(desk, session, who, rows, {}).names
     hidden = {(row.quiz, row.question) for row in newest if row.id in names}
-    hidden |= {(one.quiz, one.question) for one in unseen_by(session, who).results if one.learner == reader.id}
+    hidden |= {
+        (result.quiz, result.question) for result in unseen_by(session, who).results if result.learner == reader.id
+    }
     places = {}
     for at, place in work.places.items():
         seen = replace(place, commented=[one for one in place.commented if one.submission not in names])

@@ -81,17 +81,20 @@ def statistics(
     chosen = choose_quiz(services, who, quizzes, quiz)
     found = services.statistics.compute(services.statistics.version(library, chosen.id, who))
     titles = {view["id"]: view["short"] for view in describe_quiz(library, chosen)["questions"]}
-    by_id = {one.id: one for one in chosen.questions}
-    hardest_first = sorted(found.questions, key=lambda one: one.difficulty.value)
+    by_id = {question.id: question for question in chosen.questions}
+    hardest_first = sorted(found.questions, key=lambda question: question.difficulty.value)
     context: dict[str, Any] = {
         "quizzes": quizzes,
         "quiz": chosen,
         "learners": found.learners,
         "figures": [draw_both(sketch, HALF_WIDTH) for sketch in plot_estimates(hardest_first, titles)],
         "questions": [
-            describe_question(one, by_id[one.question], titles[one.question], chosen.id) for one in hardest_first
+            describe_question(question, by_id[question.question], titles[question.question], chosen.id)
+            for question in hardest_first
         ],
-        "silent": [titles[one] for one in titles if one not in {each.question for each in found.questions}],
+        "silent": [
+            titles[question] for question in titles if question not in {each.question for each in found.questions}
+        ],
     }
     return page(request, "statistics.html", who=who, **context)
 

@@ -27,12 +27,16 @@ Named = tuple[str, Estimate]
 
 def plot_estimates(questions: Sequence[QuestionStatistics], titles: Mapping[str, str]) -> Iterator[Sketch]:
     """Says how hard the questions are, and what they tell apart; a plot without estimates is left out."""
-    shares = [(titles[one.question], one.difficulty) for one in questions]
+    shares = [(titles[question.question], question.difficulty) for question in questions]
     if shares:
         title = describe_shares(shares)
         caption = f"Dots: the part of a question's points that learners have; lines: 95{NARROW}% intervals (Wilson)."
         yield plot_rows("difficulty", title, caption, shares, (0.0, 1.0))
-    tells = [(titles[one.question], one.discrimination) for one in questions if one.discrimination is not None]
+    tells = [
+        (titles[question.question], question.discrimination)
+        for question in questions
+        if question.discrimination is not None
+    ]
     if tells:
         caption = (
             "Discrimination: correlation of the share at a question with that at the learner's other questions. "
@@ -43,7 +47,7 @@ def plot_estimates(questions: Sequence[QuestionStatistics], titles: Mapping[str,
 
 def describe_shares(shares: Sequence[Named]) -> str:
     """Names the hardest question, where its interval lies below those of all others."""
-    (name, hardest), *others = sorted(shares, key=lambda one: one[1].value)
+    (name, hardest), *others = sorted(shares, key=lambda share: share[1].value)
     if hardest.n < LEARNERS_MIN or not others:
         return "Share of the points"
     if any(one.low <= hardest.high for _, one in others):

@@ -82,8 +82,8 @@ def home(request: Request, services: AppServices, who: Visitor) -> Response:
     shown: dict[str, Any] = {"today": today, "alive": alive, "scripts": scripts, "faults": library.warnings}
     return page(
         request, "today.html", who=who, tasks=tasks, refused=refused, shared=list_shared(library, shared),
-        most=max((one.learners for one in shared), default=1), tier=services.monitor.graders.jail.get("tier"), **state,
-        **shown,
+        most=max((mistake.learners for mistake in shared), default=1),
+        tier=services.monitor.graders.jail.get("tier"), **state, **shown,
     )  # fmt: skip
 
 
@@ -113,12 +113,12 @@ def list_shared(library: Library, shared: Sequence[SharedMistake]) -> list[dict[
     titles = list_titles(library)
     return [
         {
-            "name": one.name,
-            "title": titles.get((one.quiz, one.question), one.question),
-            "learners": one.learners,
-            "address": f"{PAGE}/class/{one.quiz}/{one.question}#m-{one.key}",
+            "name": mistake.name,
+            "title": titles.get((mistake.quiz, mistake.question), mistake.question),
+            "learners": mistake.learners,
+            "address": f"{PAGE}/class/{mistake.quiz}/{mistake.question}#m-{mistake.key}",
         }
-        for one in shared
+        for mistake in shared
     ]
 
 
@@ -163,13 +163,13 @@ def list_stuck(library: Library, stuck: Sequence[Stuck], marks: Mapping[str, str
         titles = list_titles(library)
         lines = tuple(
             Line(
-                marked(one.name, one.learner, marks),
-                f"{describe_place(titles, one)}, {one.attempts} attempts: {one.diagnosis}",
-                make_address(one),
+                marked(learner.name, learner.learner, marks),
+                f"{describe_place(titles, learner)}, {learner.attempts} attempts: {learner.diagnosis}",
+                make_address(learner),
             )
-            for one in stuck[:STUCK_SHOWN]
+            for learner in stuck[:STUCK_SHOWN]
         )
-        number = len({one.learner for one in stuck})
+        number = len({learner.learner for learner in stuck})
         yield Task(str(number), "learner is stuck" if number == 1 else "learners are stuck", lines, STUCK, "Show")
 
 
@@ -197,8 +197,13 @@ def stuck(request: Request, services: AppServices, who: Visitor) -> Response:
     with services.database.read() as session:
         found, marks = find_stuck_learners(session, who), marks_in(session, who.course)
     rows = [
-        {"one": one, "title": describe_place(titles, one), "story": make_address(one), "ago": describe_age(one.last)}
-        for one in found
+        {
+            "one": learner,
+            "title": describe_place(titles, learner),
+            "story": make_address(learner),
+            "ago": describe_age(learner.last),
+        }
+        for learner in found
     ]
     return page(request, "stuck.html", who=who, rows=rows, marks=marks)
 
@@ -206,9 +211,11 @@ def stuck(request: Request, services: AppServices, who: Visitor) -> Response:
 def list_requests(session: Session, who: Identity) -> list[str]:
     """Says what learning platforms wait for: links to this course, and for administrators their approval."""
     contexts = administration.contexts_of(session, who.course)
-    asked = [f"{one['title']} asks for a link" for one in contexts if not one["course"]]
+    asked = [f"{context['title']} asks for a link" for context in contexts if not context["course"]]
     platforms = administration.platforms_of(session) if who.course == DEFAULT_COURSE else []
-    pending = [one for one in platforms if not all(each["approved"] for each in (one, *one["deployments"]))]
+    pending = [
+        platform for platform in platforms if not all(each["approved"] for each in (platform, *platform["deployments"]))
+    ]
     return asked + [f"{one['name']} waits for approval" for one in pending]
 
 

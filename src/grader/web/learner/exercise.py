@@ -67,8 +67,8 @@ def find_following(quiz: str, lesson: str, later: Sequence[Mapping[str, Any]]) -
 def choose_attempt(attempts: Sequence[Given], chosen: str | None) -> Given | None:
     """The chosen attempt, else the newest with a verdict. Raises NotFound if the learner has no such attempt."""
     if chosen is None:
-        return next((one for one in attempts if one.verdict is not None), None)
-    found = next((one for one in attempts if one.id == chosen), None)
+        return next((attempt for attempt in attempts if attempt.verdict is not None), None)
+    found = next((attempt for attempt in attempts if attempt.id == chosen), None)
     if found is None:
         raise NotFound("You have no such attempt at this exercise.")
     return found

@@ -104,7 +104,7 @@ def find_lesson(library: Library, address: str) -> Lesson:
     if kind == "quiz":
         quiz = library.quiz(name)
         return Lesson(quiz.id, plain_text(quiz.title), (quiz,))
-    found = [one for one in group_lessons(library) if kind == "" or one.id == name]
+    found = [lesson for lesson in group_lessons(library) if kind == "" or lesson.id == name]
     if kind == "" and len(found) != 1:
         return Lesson(OTHER, "Questions and exercises", tuple(library.quizzes.values()))
     if not found:
@@ -155,7 +155,12 @@ def compare(
         raise Unauthorized(SIGN_IN)
     library = services.library_for(who)
     view = next(
-        (one for one in describe_quiz(library, library.quiz(quiz_id))["questions"] if one["id"] == question_id), None
+        (
+            question
+            for question in describe_quiz(library, library.quiz(quiz_id))["questions"]
+            if question["id"] == question_id
+        ),
+        None,
     )
     if view is None:
         raise NotFound("There is no such question.")
@@ -164,7 +169,7 @@ def compare(
         attempts = list_attempts(session, work, who, quiz_id, question_id)
     if len(attempts) < 2:
         raise NotFound("There are no two attempts to compare yet.")
-    by_id = {one.id: one for one in attempts}
+    by_id = {attempt.id: attempt for attempt in attempts}
     pair = (left or attempts[1].id, right or attempts[0].id)
     if not by_id.keys() >= {*pair}:
         raise NotFound(NO_ATTEMPT)
@@ -238,7 +243,9 @@ def plot(quiz_id: str, question_id: str, attempt: str, name: str, *, services: A
     if given is None or given.verdict is None:
         raise NotFound(NO_ATTEMPT)
     titles = {finding["id"]: finding["title"] for finding in given.verdict.get("findings") or []}
-    found = next((one for one in list_sketches(given.verdict.get("evidence") or {}, titles) if one.name == name), None)
+    found = next(
+        (sketch for sketch in list_sketches(given.verdict.get("evidence") or {}, titles) if sketch.name == name), None
+    )
     if found is None:
         raise NotFound("This verdict has no such plot.")
     headers = {"Content-Disposition": f'attachment; filename="{question_id}-{name}.svg"'}

@@ -73,7 +73,7 @@ def render(
     waiting: devices.WaitingDevice | None = None, trouble: str = "", said: str = "",
 ) -> Response:  # fmt: skip
     """Renders the page."""
-    own = services.sessions.reading(lambda session: [shown(one) for one in devices.list_devices(session, who)])
+    own = services.sessions.reading(lambda session: [shown(device) for device in devices.list_devices(session, who)])
     days = devices.TOKEN.days
     return page(
         request, "devices.html", status, PRIVATE, who=who, code=code, waiting=waiting, trouble=trouble, said=said,

@@ -87,9 +87,9 @@ def shorten_title(title: str | None, text: str) -> str:
 def list_titles(library: Library) -> dict[tuple[str, str], str]:
     """Returns the titles of all questions, or their first words, by (quiz, question)."""
     return {
-        (quiz.id, one.id): shorten_title(one.title or one.label, one.q)
+        (quiz.id, question.id): shorten_title(question.title or question.label, question.q)
         for quiz in library.quizzes.values()
-        for one in quiz.questions
+        for question in quiz.questions
     }
 
 

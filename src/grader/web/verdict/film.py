@@ -38,7 +38,7 @@ def describe_film(evidence: Mapping[str, Any]) -> FilmBox | None:
     claims = read.read_list(evidence, "claims", read.Claim)
     if not any(claim.claim_ms or claim.said_none for claim in claims):
         return None
-    limits = {one.case: one for one in read.read_list(evidence, "limits", read.Limit)}
+    limits = {limit.case: limit for limit in read.read_list(evidence, "limits", read.Limit)}
     first, (low, high) = claims[0], claims[0].search_ms
     about = [describe_limit(claim.integrator, limits[claim.case]) for claim in claims if claim.case in limits]
     chosen = (low, high, min(high, max(low, first.claim_ms[0] if first.claim_ms else high)))

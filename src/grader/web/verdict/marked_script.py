@@ -103,8 +103,8 @@ def find_advice(diagnosis: str) -> str:
     first, *others = SENTENCE_END.split(diagnosis, maxsplit=1)
     if others and not others[0].startswith(CONDITION):
         return others[0]
-    colons = (one for one in CLAUSE.finditer(first) if not is_in_parentheses(first, one.start()))
-    last = first[next((one.end() for one in colons), 0) :]
+    colons = (match for match in CLAUSE.finditer(first) if not is_in_parentheses(first, match.start()))
+    last = first[next((colon.end() for colon in colons), 0) :]
     return " ".join((last[:1].upper() + last[1:] if last.split(" ")[0].isalpha() else last, *others))
 
 

@@ -49,7 +49,7 @@ def draw_both(sketch: Sketch, wide_width: float = WIDTHS["wide-plot"]) -> Figure
 def list_sketches(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Iterator[Sketch]:
     """Yields every plot that the evidence allows."""
     runs = read.read_list(evidence, "angles", read.Run)
-    limits = {one.case: one for one in read.read_list(evidence, "limits", read.Limit)}
+    limits = {limit.case: limit for limit in read.read_list(evidence, "limits", read.Limit)}
     for claims in group_claims(read.read_list(evidence, "claims", read.Claim)):
         name = titles.get(claims[0].case, claims[0].case).rpartition(", ")[0]
         yield plot_stability(claims, limits, runs, name)

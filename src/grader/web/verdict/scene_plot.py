@@ -47,7 +47,7 @@ def plot_models(mine: Model, reference: Model | None, title: str, index: int) ->
 
 def write_numbers(numbers: Sequence[float]) -> str:
     """Returns numbers as a table shows them."""
-    return " ".join(f"{one:.3g}" for one in numbers)
+    return " ".join(f"{number:.3g}" for number in numbers)
 
 
 def draw(panels: Sequence[tuple[str, Sequence[Outline]]], width: float) -> Drawing:

@@ -72,7 +72,7 @@ def list_decades(low: float, high: float, about: int) -> list[float]:
     if len(found) > 2:
         return found
     steps = [factor * 10.0**one for one in range(first - 1, last + 1) for factor in (1, 2, 5)]
-    steps = [float(f"{one:.10g}") for one in steps if low <= one <= high]
+    steps = [float(f"{step:.10g}") for step in steps if low <= step <= high]
     return steps if 3 <= len(steps) <= about + 2 else list_round_steps(low, high, about)
 
 

@@ -96,7 +96,10 @@ class Given:
     def commented(self) -> list[tuple[Comment, str]]:
         """Each comment with the text of its line."""
         lines = ["", *self.text.splitlines()]
-        return [(one, lines[one.line] if one.line and one.line < len(lines) else "") for one in self.comments]
+        return [
+            (comment, lines[comment.line] if comment.line and comment.line < len(lines) else "")
+            for comment in self.comments
+        ]
 
     @property
     def text(self) -> str:
@@ -211,7 +214,9 @@ def list_attempts(
 
 def compare_attempts(attempts: Sequence[Given]) -> list[Given]:
     """Returns attempts, newest first, each with how it compares with those before; unreadable ones are left out."""
-    given = [one for one in attempts if one.verdict is None or one.verdict["status"] != Status.INVALID_ANSWER]
+    given = [
+        attempt for attempt in attempts if attempt.verdict is None or attempt.verdict["status"] != Status.INVALID_ANSWER
+    ]
     compared = [Compared(one.attempt, one.verdict) for one in reversed(given) if one.verdict]
     said = {one.attempt: describe_progress(compared[:index], one) for index, one in enumerate(compared)}
     return [replace(one, progress=said.get(one.attempt, "")) for one in given]
@@ -229,7 +234,7 @@ def read_answers(session: Session, access: LearnerAccess, rows: Sequence[Submiss
 def read_comments(session: Session, ids: Sequence[str]) -> dict[str, list[Comment]]:
     """Returns what instructors wrote to the lines of scripts, by submission."""
     found = line_comments.on_submissions(session, ids) if ids else {}
-    return {at: [Comment(one.id, one.line, one.text, one.name, one.created_at) for one in some]
+    return {at: [Comment(comment.id, comment.line, comment.text, comment.name, comment.created_at) for comment in some]
             for at, some in found.items()}  # fmt: skip
 
 

@@ -145,8 +145,8 @@ def write_zip(entries: Iterable[Entry], course: str) -> bytes:
     people = [replace(entry, line=number) for number, entry in enumerate(entries, 1)]
     files = {
         MANIFEST: make_manifest(),
-        USERS: [USER_COLUMNS, *(make_user_row(one) for one in people)],
-        ENROLLMENTS: [ENROLLMENT_COLUMNS, *(make_enrollment_row(one, course) for one in people)],
+        USERS: [USER_COLUMNS, *(make_user_row(person) for person in people)],
+        ENROLLMENTS: [ENROLLMENT_COLUMNS, *(make_enrollment_row(person, course) for person in people)],
     }
     made = io.BytesIO()
     with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as packed:

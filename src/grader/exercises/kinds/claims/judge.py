@@ -42,8 +42,8 @@ def judge_claims(problem: Problem, results: Results) -> Judgement[Outcome]:
     outcome = tuple(
         compare(problem, claim, results, index, measured[index]) for index, claim in enumerate(problem.claims)
     )
-    wrong = [one for one in outcome if one.why]
-    parts = tuple(describe(one) for one in outcome)
+    wrong = [comparison for comparison in outcome if comparison.why]
+    parts = tuple(describe(comparison) for comparison in outcome)
     message = wrong[0].why if wrong else ALL_RIGHT
     if len(parts) == 1:
         (part,) = parts

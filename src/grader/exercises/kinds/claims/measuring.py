@@ -193,8 +193,8 @@ def measure_claim(bench: Bench, index: int) -> Measured:
         ]
     except (Unresolved, LabRefused, VerifyError) as error:
         return Measured(nothing, 0.0, own, place_error(index, error))
-    worst = max(limits, key=lambda one: one.uncertainty)
-    values = np.array([one.value for one in limits])
+    worst = max(limits, key=lambda limit: limit.uncertainty)
+    values = np.array([limit.value for limit in limits])
     trouble = explain_doubt(index, worst.uncertainty, allowed, worst.cure)
     if trouble is None and claim.timestep == "both" and (off := float(np.abs(own - values).max())) > allowed:
         why = (

@@ -30,14 +30,14 @@ ROUNDED = "{label} is rounded too coarsely: return it as it was measured."
 def name_the_mistake(judged: Sequence[Judged]) -> str | None:
     """Returns the sentence of the first wrong claim that a rule explains in every case in which it is wrong."""
     failed = [
-        (one, comparison)
-        for one in judged
-        for comparison in one.judgement.outcome or ()
+        (trial, comparison)
+        for trial in judged
+        for comparison in trial.judgement.outcome or ()
         if comparison.why and comparison.values is not None
     ]
     names = list(dict.fromkeys(comparison.claim.name for _, comparison in failed))
     for name in names:
-        mine = [(one.trial.problem, comparison) for one, comparison in failed if comparison.claim.name == name]
+        mine = [(one.problem, comparison) for one, comparison in failed if comparison.claim.name == name]
         template = explain_simply(judged, name) or explain_by_rules(judged, mine)
         if template is not None:
             return template.replace("{label}", capitalize(mine[0][1].claim.label))
@@ -46,20 +46,22 @@ def name_the_mistake(judged: Sequence[Judged]) -> str | None:
 
 def explain_simply(judged: Sequence[Judged], name: str) -> str | None:
     """Returns the sentence of a claim that is the same in every case or for all x, or rounded."""
-    every = [one for trial in judged for one in trial.judgement.outcome or () if one.claim.name == name]
-    given = [one.values for one in every if one.values is not None]
-    rights = [one.measured.values for one in every if one.values is not None]
-    wrong = [one for one in every if one.why and one.values is not None]
+    every = [
+        comparison for trial in judged for comparison in trial.judgement.outcome or () if comparison.claim.name == name
+    ]
+    given = [comparison.values for comparison in every if comparison.values is not None]
+    rights = [comparison.measured.values for comparison in every if comparison.values is not None]
+    wrong = [comparison for comparison in every if comparison.why and comparison.values is not None]
     if all(map(is_rounded, wrong)):
         return ROUNDED
     if (
         len(given) > 1
-        and all(np.array_equal(one, given[0]) for one in given)
+        and all(np.array_equal(array, given[0]) for array in given)
         and not all(np.allclose(right, rights[0], rtol=1e-3) for right in rights)
     ):
         return SAME_EVERYWHERE
-    if wrong[0].claim.form == "curve" and all(np.ptp(one.values) == 0 for one in wrong):  # type: ignore[arg-type]
-        return SAME_FOR_ALL_X if any(len(one.measured.values) > 1 for one in wrong) else None
+    if wrong[0].claim.form == "curve" and all(np.ptp(comparison.values) == 0 for comparison in wrong):  # type: ignore[arg-type]
+        return SAME_FOR_ALL_X if any(len(comparison.measured.values) > 1 for comparison in wrong) else None
     return None
 
 
@@ -90,7 +92,7 @@ def explain_by_rules(judged: Sequence[Judged], wrong: Sequence[tuple[Problem, Co
 
 def build_scene(judged: Sequence[Judged], problem: Problem, one: Comparison) -> Scene:
     """Returns the scene of a wrong claim."""
-    outcome = next(trial.judgement.outcome for trial in judged if trial.trial.problem is problem)
+    outcome = next(trial.judgement.outcome for trial in judged if trial.problem is problem)
     return Scene(problem, one.claim, one.measured, tuple(each.measured.values for each in outcome))
 
 

@@ -25,8 +25,8 @@ MOMENTS = frozenset({"crossing", "settling"})
 
 def build_evidence(visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
     """Returns a table for each visible case, and charts of the claims: first of those that are wrong."""
-    trials = [(one.trial.id, one.trial.problem, one.judgement.outcome) for one in visible if one.judgement.outcome]
-    every = [(case, problem, one) for case, problem, outcome in trials for one in outcome]
+    trials = [(trial.id, trial.problem, trial.judgement.outcome) for trial in visible if trial.judgement.outcome]
+    every = [(case, problem, comparison) for case, problem, outcome in trials for comparison in outcome]
     shown = sorted(every, key=lambda each: not each[2].why)[:CHARTS_MAX]
     return {
         "tables": [build_table(case, outcome) for case, _, outcome in trials],
@@ -42,13 +42,13 @@ def build_table(case: str, outcome: Outcome) -> dict[str, Any]:
         "head": ["Claim", "Unit", "Yours", "Measured", "Allowed difference"],
         "rows": [
             [
-                one.claim.label,
-                one.claim.unit,
-                one.text if one.values is None else write_numbers(one.values),
-                write_numbers(one.measured.values),
-                f"{one.allowed:.2g}",
+                comparison.claim.label,
+                comparison.claim.unit,
+                comparison.text if comparison.values is None else write_numbers(comparison.values),
+                write_numbers(comparison.measured.values),
+                f"{comparison.allowed:.2g}",
             ]
-            for one in outcome
+            for comparison in outcome
         ],
     }
 

@@ -114,10 +114,10 @@ class Scene:
 
     def list_integrators(self) -> Iterator[tuple[str, Floats]]:
         """Yields what each other integrator gives at the model's own timestep."""
-        for one in INTEGRATORS:
-            values = self.read(variant=Variant(integrator=one.code))
+        for integrator in INTEGRATORS:
+            values = self.read(variant=Variant(integrator=integrator.code))
             if values is not None:
-                yield one.name, values
+                yield integrator.name, values
 
     def read_without_reset(self) -> Iterator[Floats]:
         """Yields what the claim is if its run begins where another one has ended: after its last step, or one more, as

@@ -88,18 +88,18 @@ REMEMBERS = (
 
 def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged]) -> str | None:
     """Returns the sentence of the first mistake that explains the failed cases."""
-    wrong = [one for one in judged if not one.counts]
-    written = [get_list(note.info, "parts") for one in wrong for note in one.trace.list_notes("wrote")]
+    wrong = [trial for trial in judged if not trial.counts]
+    written = [get_list(note.info, "parts") for trial in wrong for note in trial.trace.list_notes("wrote")]
     if written:
         known = [part for part in ("qpos", "qvel", "time") if part in written[0]]
         if known:
             return WRITES.format(parts=" and data.".join(known))
-    visible = [one for one in judged if not one.trial.hidden]
-    is_tuned = bool(visible) and all(one.counts for one in visible)
-    is_wrong_at_once = any(len(one.judgement.outcome.records) == 1 for one in wrong)
-    if not is_wrong_at_once and any(is_first_alone(one) for one in wrong):
+    visible = [trial for trial in judged if not trial.hidden]
+    is_tuned = bool(visible) and all(trial.counts for trial in visible)
+    is_wrong_at_once = any(len(trial.judgement.outcome.records) == 1 for trial in wrong)
+    if not is_wrong_at_once and any(is_first_alone(trial) for trial in wrong):
         return REMEMBERS
-    records = [(one, record) for one in wrong for record in one.judgement.outcome.list_failed()][:RECORDS_READ]
+    records = [(trial, record) for trial in wrong for record in trial.judgement.outcome.list_failed()][:RECORDS_READ]
     sentences = [sentence for one, record in records for sentence in find_sentences(parameters, one, record)]
     if is_tuned:  # only what is wrong whatever the case is
         return next((one for one in sentences if one.endswith(DEGREES_END)), TUNED)
@@ -113,14 +113,14 @@ def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged])
 
 def is_always_the_same(judged: Sequence[Judged]) -> bool:
     """Whether the controls are the same in every step of every episode."""
-    asked = [one.asked for each in judged for one in each.judgement.outcome.records if len(one.asked)]
+    asked = [record.asked for each in judged for record in each.judgement.outcome.records if len(record.asked)]
     return not asked or bool(np.ptp(np.vstack(asked), axis=0).max() == 0)
 
 
 def are_truth_values(judged: Sequence[Judged]) -> bool:
     """Whether every control is 0 or 1, both occur, and no actuator has these limits."""
-    asked = [one.asked for each in judged for one in each.judgement.outcome.records if len(one.asked)]
-    ranges = [episode.scene.model.actuator_ctrlrange for each in judged for episode in each.trial.problem.episodes]
+    asked = [record.asked for each in judged for record in each.judgement.outcome.records if len(record.asked)]
+    ranges = [episode.scene.model.actuator_ctrlrange for each in judged for episode in each.problem.episodes]
     is_switch = any(np.array_equal(limits, (0, 1)) for each in ranges for limits in each)
     return not is_switch and {0.0, 1.0} == {value for each in asked for value in np.unique(each).tolist()}
 
@@ -131,7 +131,7 @@ def ignores_target(parameters: ControllerParameters, judged: Sequence[Judged]) -
         return False
     track = find_columns(parameters, judged[0].trial.problem)[parameters.track]
     found: dict[float, float] = {}
-    for record in (record for one in judged for record in one.judgement.outcome.records):
+    for record in (record for trial in judged for record in trial.judgement.outcome.records):
         law = None if record.fault else fit_law(record, track=track, has_target=True)
         if law is not None and np.ptp(record.target) == 0 and not law.integral and not law.differentiates:
             found[float(record.target[0])] = law.constant
@@ -150,24 +150,24 @@ def find_sentences(parameters: ControllerParameters, one: Judged, record: Record
     if np.ptp(record.asked, axis=0).max() == 0 and len(record.time_s) > 1:
         yield NOTHING
         return
-    track = find_columns(parameters, one.trial.problem)[parameters.track]
+    track = find_columns(parameters, one.problem)[parameters.track]
     law = fit_law(record, track=track, has_target=parameters.has_target)
-    limited = measure_saturation(one.trial.problem, record)
+    limited = measure_saturation(one.problem, record)
     if law is not None:
         if law.stale:
             yield STALE
         if law.differentiates and any(record.episode.noise.values()):
             yield NOISE
-        yield from find_wrong_gains(parameters, one.trial.problem, law)
+        yield from find_wrong_gains(parameters, one.problem, law)
         if law.integral * law.gains[track] > 0:
             yield SUM_SIGN
-        if law.integral and find_beyond(one.trial.problem, record) > 0.05:
+        if law.integral and find_beyond(one.problem, record) > 0.05:
             yield WIND_UP
     else:
         rough = fit_law(record, track=track, has_target=parameters.has_target, fits=ROUGH)
         if rough is not None and not rough.differentiates:  # a gain on changes makes up for one on values
             wrong_signs = [SIGN.format(name=name) for name in parameters.law]
-            yield from (said for said in find_wrong_gains(parameters, one.trial.problem, rough) if said in wrong_signs)
+            yield from (said for said in find_wrong_gains(parameters, one.problem, rough) if said in wrong_signs)
     if limited > SATURATED:
         yield SATURATES
     if law is not None and not law.integral and rests_beside_target(record):

@@ -93,7 +93,7 @@ def judge_goal(goal: Goal, id_: str, compared: Mapping[str, Compared], *, runs: 
     """Returns the finding of one goal; `runs` is whether its values are those at the end of a run."""
     wrong = {name: one for name, one in compared.items() if one.fault}
     wrong = dict(sorted(wrong.items(), key=lambda item: not item[1].missing))  # a name that lacks explains a number
-    faults = list(dict.fromkeys(one.fault for one in wrong.values()))
+    faults = list(dict.fromkeys(comparison.fault for comparison in wrong.values()))
     more = f"({len(faults) - FAULTS_MAX} more)" if len(faults) > FAULTS_MAX else ""
     message = " ".join(filter(None, [*faults[:FAULTS_MAX], more])) or "As it should be."
     shown = dict(list((wrong or compared).items())[:FAULTS_MAX])
@@ -210,7 +210,7 @@ def shorten(values: NDArray[np.float64] | None) -> Any:
     if values is None or not values.size:
         return None
     least = NOISE * float(np.nanmax(np.abs(values), initial=0.0))
-    last = [one if abs(one) > least or not np.isfinite(one) else 0.0 for one in values[-1][:SHOWN_MAX].tolist()]
+    last = [value if abs(value) > least or not np.isfinite(value) else 0.0 for value in values[-1][:SHOWN_MAX].tolist()]
     numbers = [float(f"{one:.{FIGURES}g}") if np.isfinite(one) else None for one in last]
     return numbers[0] if len(numbers) == 1 else numbers
 

@@ -144,7 +144,7 @@ def collect(moments: list[dict[str, Any]], expression: str) -> dict[str, Any]:
     """Returns the values of an expression at all moments of a run; what is missing, if anything is."""
     lost = next((one["lost"] for one in moments if "lost" in one), None)
     values = [one[expression] for one in moments if expression in one]
-    fault = next((one for one in values if isinstance(one, dict)), None)
+    fault = next((value for value in values if isinstance(value, dict)), None)
     return fault or {"values": values, **({} if lost is None else {"lost": lost})}
 
 

@@ -31,27 +31,27 @@ Judged = Sequence[JudgedTrial[Problem, Outcome]]
 
 def name_plain_mistake(judged: Judged) -> Mistake | None:
     """Returns why the model cannot be compiled, with the line."""
-    outcome = next((one.judgement.outcome for one in judged if one.judgement.outcome.error), None)
+    outcome = next((trial.judgement.outcome for trial in judged if trial.judgement.outcome.error), None)
     return None if outcome is None else Mistake(f"MuJoCo cannot compile the model: {outcome.error}", outcome.line)
 
 
 def find_mistake(judged: Judged, run: Callable[[Job], RunReport]) -> Mistake | None:
     """Returns the mistake of the first variant that is like the student's model in every trial. Raises JailFault."""
-    if not judged or any(one.judgement.outcome.error or one.judgement.outcome.missing for one in judged):
+    if not judged or any(trial.judgement.outcome.error or trial.judgement.outcome.missing for trial in judged):
         return None
-    texts = list(dict.fromkeys(one.trial.problem.reference for one in judged))
-    steps = sum(round(one.trial.problem.case.seconds / one.trial.problem.measured["timestep"]) for one in judged)
+    texts = list(dict.fromkeys(trial.problem.reference for trial in judged))
+    steps = sum(round(trial.problem.case.seconds / trial.problem.measured["timestep"]) for trial in judged)
     most = min(VARIANTS_MAX, STEPS_MAX // steps) if steps else VARIANTS_MAX
     catalogues = [list(islice(list_variants(text), most)) for text in texts]
-    if len({len(one) for one in catalogues}) != 1:
+    if len({len(catalogue) for catalogue in catalogues}) != 1:
         return None
     rows = list(zip(*catalogues, strict=True))
     if len(texts) > 1:
         rows.insert(0, (Variant(texts[0], SAME_MODEL),) * len(texts))
     trials = [
-        {**one.trial.problem.measured, "text": texts.index(one.trial.problem.reference),
-         "found": one.judgement.outcome.goals}
-        for one in sorted(judged, key=lambda each: each.trial.problem.case.seconds)
+        {**trial.problem.measured, "text": texts.index(trial.problem.reference),
+         "found": trial.judgement.outcome.goals}
+        for trial in sorted(judged, key=lambda each: each.problem.case.seconds)
     ]  # fmt: skip
     inputs = {"trials": trials, "variants": [[variant.xml for variant in row] for row in rows]}
     report = run(Job("", DRIVER, inputs, LIMITS, codes=compile_codes()))

@@ -146,16 +146,16 @@ def check_expression(expression: str) -> None:
         tree = ast.parse(expression, mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise ValueError(f"{expression!r} is no Python expression, such as model.body('arm').mass") from error
-    own = {one.id for one in ast.walk(tree) if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)}
-    unknown = {one.id for one in ast.walk(tree) if isinstance(one, ast.Name)} - NAMES - own
+    own = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    unknown = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - NAMES - own
     if unknown:
         raise ValueError(f"{expression!r} names {min(unknown)}: an expression has {', '.join(sorted(NAMES))}")
 
 
 def list_asked_names(expression: str) -> Iterator[tuple[str, str]]:
     """Yields kind and name of each element that an expression asks for, as in `model.joint('hip')`."""
-    for one in ast.walk(ast.parse(expression, mode="eval")):
-        if isinstance(one, ast.Call) and isinstance(one.func, ast.Attribute) and len(one.args) == 1:
-            name = getattr(one.args[0], "value", None)
+    for node in ast.walk(ast.parse(expression, mode="eval")):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and len(node.args) == 1:
+            name = getattr(node.args[0], "value", None)
             if isinstance(name, str):
-                yield one.func.attr, name
+                yield node.func.attr, name

@@ -20,6 +20,6 @@ def build_scenes(visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, 
             chosen.append(one)
     chosen = chosen[:SCENES_MAX]
     return {
-        "models": [{"case": one.trial.id, "geoms": [*one.judgement.outcome.geoms]} for one in chosen],
-        "references": [{"case": one.trial.id, "geoms": [*one.judgement.outcome.reference_geoms]} for one in chosen],
+        "models": [{"case": trial.id, "geoms": [*trial.judgement.outcome.geoms]} for trial in chosen],
+        "references": [{"case": trial.id, "geoms": [*trial.judgement.outcome.reference_geoms]} for trial in chosen],
     }

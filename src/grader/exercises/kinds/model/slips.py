@@ -112,7 +112,7 @@ def rotate(name: str, by: int) -> Change:
 
 def swap_ends(name: str) -> Change:
     """Turns the signs of a range round."""
-    return rewrite(name, lambda ends: [-one for one in reversed(ends)])
+    return rewrite(name, lambda ends: [-value for value in reversed(ends)])
 
 
 def shift(name: str, by: Sequence[float]) -> Change:
@@ -172,14 +172,14 @@ def hide(element: ET.Element) -> bool:
 def remove_hidden(root: ET.Element) -> None:
     """Removes the elements that are marked."""
     for parent in list(root.iter()):
-        for child in [one for one in parent if one.tag == HIDDEN]:
+        for child in [element for element in parent if element.tag == HIDDEN]:
             parent.remove(child)
 
 
 def shift_inertia(element: ET.Element) -> bool:
     """Moves the inertia of an <inertial> from the centre of mass to the origin of the body: m (r^2 - r_i^2) more."""
     at = read(element.get("pos", "0 0 0"))
-    squared, mass = sum(one * one for one in at), float(element.get("mass", "0"))
+    squared, mass = sum(value * value for value in at), float(element.get("mass", "0"))
     moments = read(element.get("diaginertia", ""))
     shifted = [one + mass * (squared - r * r) for one, r in zip(moments, at, strict=True)]
     return put("diaginertia", write(shifted))(element)

@@ -55,7 +55,7 @@ class Reference:
 
     def find(self, *tags: str) -> list[Element]:
         """Returns the elements of these tags, in the order of the text."""
-        return [one for one in self.elements if one.tag in tags]
+        return [element for element in self.elements if element.tag in tags]
 
     def label(self, element: Element) -> str:
         """Returns what an element is called in a sentence: by its name, or by the body that it is in."""
@@ -71,7 +71,7 @@ class Reference:
 
     def edit(self, change: Change, elements: Sequence[Element], sentence: str) -> Iterator[Variant]:
         """Yields the model with a change of all of these elements, if there was something to change."""
-        places = [self.elements.index(one) for one in elements]
+        places = [self.elements.index(element) for element in elements]
         root = copy.deepcopy(self.root)
         edited = list(root.iter())
         done = [change(edited[place]) for place in places]
@@ -85,7 +85,7 @@ class Reference:
         """Returns the text in which a body hangs on the parent of its parent, its pos moved by these numbers."""
         root = copy.deepcopy(self.root)
         edited = list(root.iter())
-        parents = {child: one for one in edited for child in one}
+        parents = {child: element for element in edited for child in element}
         moved = edited[self.elements.index(body)]
         parents[moved].remove(moved)
         parents[parents[moved]].append(moved)
@@ -94,9 +94,9 @@ class Reference:
 
     def edit_each(self, change: Change, elements: Sequence[Element], sentence: str) -> Iterator[Variant]:
         """Yields the model with a change of each element alone; `{}` of the sentence becomes what it is called."""
-        for one in elements:
-            said = sentence.format(self.label(one))
-            yield from self.edit(change, [one], said[0].upper() + said[1:])
+        for element in elements:
+            said = sentence.format(self.label(element))
+            yield from self.edit(change, [element], said[0].upper() + said[1:])
 
     def edit_both(self, change: Change, elements: Sequence[Element], sentence: str, each: str) -> Iterator[Variant]:
         """Yields the model with a change of all elements at once, and of each alone."""
@@ -136,7 +136,7 @@ def vary_angles(reference: Reference) -> Iterator[Variant]:
         yield from reference.edit_each(multiply("ctrlrange", 180 / pi), reference.find(tag), which)
     turned = "of {} has its numbers in the order x y z w: MuJoCo's order is w x y z."
     yield from reference.edit_both(
-        rotate("quat", 1), [one for one in reference.elements if "quat" in one.attrib],
+        rotate("quat", 1), [element for element in reference.elements if "quat" in element.attrib],
         "Every quat has its numbers in the order x y z w: MuJoCo's order is w x y z.", f"The quat {turned}",
     )  # fmt: skip
 
@@ -183,22 +183,22 @@ def vary_joints(reference: Reference) -> Iterator[Variant]:
     )  # fmt: skip
     yield from reference.edit_each(swap_ends("range"), joints, "The range of {} has the wrong signs.")
     for kind, other in (("hinge", "slide"), ("slide", "hinge")):
-        some = [one for one in joints if one.get("type", "hinge") == kind]
+        some = [element for element in joints if element.get("type", "hinge") == kind]
         said = f"The joint {{}} is a {other}, where a {kind} was asked for.".replace("joint the joint", "joint")
         yield from reference.edit_each(put("type", other), some, said.replace("The joint {}", "{}"))
 
 
 def vary_masses(reference: Reference) -> Iterator[Variant]:
     """Masses and inertias."""
-    heavy = [one for one in reference.find("geom", "inertial") if "mass" in one.attrib]
-    geoms = [one for one in heavy if one.tag == "geom"]
+    heavy = [element for element in reference.find("geom", "inertial") if "mass" in element.attrib]
+    geoms = [element for element in heavy if element.tag == "geom"]
     yield from reference.edit_both(
         drop("mass"), geoms, "No geom has its mass, so that each has the density of water, 1000 kg/m^3.",
         "The mass of {} is missing, so that it has the density of water, 1000 kg/m^3.",
     )  # fmt: skip
     for body in reference.find("body"):
-        some = [one for one in body if one.tag == "geom" and "mass" in one.attrib]
-        total = sum(float(one.get("mass", "0")) for one in some)
+        some = [element for element in body if element.tag == "geom" and "mass" in element.attrib]
+        total = sum(float(element.get("mass", "0")) for element in some)
         if len(some) > 1:
             said = f"Each geom of {reference.label(body)} has the mass of the whole body: they add up."
             yield from reference.edit(put("mass", repr(total)), some, said)
@@ -230,14 +230,14 @@ def vary_masses(reference: Reference) -> Iterator[Variant]:
 
 def vary_sizes(reference: Reference) -> Iterator[Variant]:
     """Half sizes, radii and millimetres."""
-    geoms = [one for one in reference.find("geom", "site") if "size" in one.attrib]
+    geoms = [element for element in reference.find("geom", "site") if "size" in element.attrib]
     yield from reference.edit_both(
         multiply("size", 2), geoms, "Every size is the full one: MuJoCo's sizes are radii and half lengths.",
         "The size of {} is the full one: MuJoCo's sizes are radii and half lengths.",
     )  # fmt: skip
     for at, what in ((0, "radius"), (1, "half length")):
         full = "diameter" if at == 0 else "full length"
-        some = [one for one in geoms if len(one.get("size", "").split()) > at and one.get("type") != "box"]
+        some = [geom for geom in geoms if len(geom.get("size", "").split()) > at and geom.get("type") != "box"]
         for factor, said in (
             (2, f"The size of {{}} has the {full} in place of the {what}."),
             (0.5, f"The size of {{}} has half of the {what} that was asked for."),
@@ -249,7 +249,7 @@ def vary_sizes(reference: Reference) -> Iterator[Variant]:
         "Every length is in millimetres: MuJoCo's unit is the metre.",
     )  # fmt: skip
     for name in LENGTHS:
-        some = [one for one in reference.elements if name in one.attrib]
+        some = [element for element in reference.elements if name in element.attrib]
         said = f"The {name} of {{}} is in millimetres: MuJoCo's unit is the metre."
         yield from reference.edit_each(multiply(name, 1000), some, said)
 
@@ -268,7 +268,11 @@ def vary_actuators(reference: Reference) -> Iterator[Variant]:
                 multiply(name, factor), actuators, f"The {name} of {{}} is {said} what was asked for."
             )
     for tag in ("motor", "position", "velocity"):
-        others = [one for one in actuators if one.tag in ("motor", "position", "velocity") and one.tag != tag]
+        others = [
+            actuator
+            for actuator in actuators
+            if actuator.tag in ("motor", "position", "velocity") and actuator.tag != tag
+        ]
         for one in others:
             said = f"{reference.label(one)} is a <{tag}>, where a <{one.tag}> was asked for."
             yield from reference.edit(become(tag), [one], said[0].upper() + said[1:])
@@ -281,7 +285,11 @@ def vary_actuators(reference: Reference) -> Iterator[Variant]:
 def vary_missing(reference: Reference) -> Iterator[Variant]:
     """What is left out: an attribute, a joint, an excluded pair."""
     for name, advice in ADVICE.items():
-        some = [one for one in reference.elements if name in one.attrib and one.tag not in ("option", "inertial")]
+        some = [
+            element
+            for element in reference.elements
+            if name in element.attrib and element.tag not in ("option", "inertial")
+        ]
         yield from reference.edit_both(
             drop(name), some, f"The {name} is missing everywhere{advice}.", f"The {name} of {{}} is missing{advice}."
         )
@@ -310,8 +318,8 @@ def vary_tree(reference: Reference) -> Iterator[Variant]:
 
 def vary_shapes(reference: Reference) -> Iterator[Variant]:
     """Geoms of another type."""
-    for one in reference.find("geom"):
-        for kind in SHAPES - {one.get("type", "sphere")}:
-            said = f"The geom is a {kind}, where a {one.get('type', 'sphere')} was asked for."
-            said = said.replace("The geom", reference.label(one)[0].upper() + reference.label(one)[1:])
-            yield from reference.edit(put("type", kind), [one], said)
+    for element in reference.find("geom"):
+        for kind in SHAPES - {element.get("type", "sphere")}:
+            said = f"The geom is a {kind}, where a {element.get('type', 'sphere')} was asked for."
+            said = said.replace("The geom", reference.label(element)[0].upper() + reference.label(element)[1:])
+            yield from reference.edit(put("type", kind), [element], said)

@@ -83,7 +83,7 @@ class Policy(Kind[PolicyParameters, Problem, Any]):
         self, parameters: PolicyParameters, visible: Sequence[JudgedTrial[Problem, Any]]
     ) -> dict[str, Any]:
         """Returns charts of the motion and of the controls."""
-        return build_evidence(parameters, [one for one in visible if isinstance(one.judgement.outcome, Ran)])
+        return build_evidence(parameters, [trial for trial in visible if isinstance(trial.judgement.outcome, Ran)])
 
     def record_films(
         self, parameters: PolicyParameters, trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any],

@@ -36,8 +36,8 @@ class Bench:
 
     def __init__(self, parameters: PolicyParameters, judged: Sequence[JudgedTrial[Problem, Outcome]]) -> None:
         self.parameters, self.left = parameters, PERIODS_MAX
-        ordered = sorted(judged, key=lambda one: one.judgement.passed)
-        self.samples = [choose_episodes(one) for one in ordered]
+        ordered = sorted(judged, key=lambda trial: trial.judgement.passed)
+        self.samples = [choose_episodes(trial) for trial in ordered]
 
     def works(self, variant: Variant) -> bool:
         """Whether a variant works in every case; False once no control period is left."""
@@ -59,7 +59,7 @@ class Bench:
 
 def choose_episodes(judged: JudgedTrial[Problem, Outcome]) -> Sample:
     """Returns the first failed episodes of a failed case, and the first that succeeded of another."""
-    problem, failed = judged.trial.problem, judged.judgement.outcome.failed
+    problem, failed = judged.problem, judged.judgement.outcome.failed
     if judged.judgement.passed:
         return Sample(problem, [i for i, goals in enumerate(failed) if not goals][:1], 0)
     places = [i for i, goals in enumerate(failed) if goals][:EPISODES_TRIED]

@@ -50,11 +50,11 @@ TUNED = (
 
 def name_the_mistake(parameters: PolicyParameters, judged: Sequence[Judged]) -> str | None:
     """Returns the sentence of the first mistake that explains the failed cases."""
-    wrong = [one for one in judged if not one.counts]
-    refused = next((one for one in wrong if isinstance(one.judgement.outcome, Refused)), None)
+    wrong = [trial for trial in judged if not trial.counts]
+    refused = next((trial for trial in wrong if isinstance(trial.judgement.outcome, Refused)), None)
     if refused is not None:
         return refused.judgement.message
-    failed = [(one, outcome) for one in wrong if isinstance(outcome := one.judgement.outcome, Ran)]
+    failed = [(trial, outcome) for trial in wrong if isinstance(outcome := trial.judgement.outcome, Ran)]
     if not failed or len(failed) < len(wrong):
         return None
     for _, outcome in failed:
@@ -63,8 +63,8 @@ def name_the_mistake(parameters: PolicyParameters, judged: Sequence[Judged]) -> 
                 return sentence
     if (variant := find_variant(parameters, judged)) is not None:
         return variant.sentence
-    visible = [one for one in judged if not one.trial.hidden]
-    if visible and all(one.counts for one in visible):
+    visible = [trial for trial in judged if not trial.hidden]
+    if visible and all(trial.counts for trial in visible):
         return TUNED
     return explain_motion(*failed[0])
 
@@ -75,7 +75,7 @@ def explain_motion(judged: Judged, outcome: Ran) -> str | None:
     ignored = np.flatnonzero(~outcome.network.layers[0][0].any(axis=1))
     if len(ignored):
         return IGNORES.format(names=" and ".join(judged.trial.inputs["observed"][i] for i in ignored))
-    saturated = [measure_saturation(judged.trial.problem, record) for record in outcome.list_failed()]
+    saturated = [measure_saturation(judged.problem, record) for record in outcome.list_failed()]
     return SATURATES if saturated and np.mean(saturated) > SATURATED else None
 
 
@@ -96,5 +96,5 @@ def explain_layers(network: Network, record: Record) -> str | None:
 def find_variant(parameters: PolicyParameters, judged: Sequence[Judged]) -> Variant | None:
     """Returns the first variant that works in every case."""
     first, bench = judged[0], Bench(parameters, judged)
-    variants = list_variants(parameters, first.trial.problem, first.judgement.outcome.network)
+    variants = list_variants(parameters, first.problem, first.judgement.outcome.network)
     return next((variant for variant in variants if bench.works(variant)), None)

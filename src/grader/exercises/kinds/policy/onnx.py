@@ -132,7 +132,7 @@ def follow(node: Message, chain: Chain) -> None:
         raise Refused(f"{label} is no part of a linear map or an MLP")
     if output in ("", chain.flow, *chain.constants) or further:
         raise ValueError("a node has no output, or one that is there already")
-    attributes = dict(read_attribute(one, label) for one in node.get("attributes", ()))
+    attributes = dict(read_attribute(attribute, label) for attribute in node.get("attributes", ()))
     arrays = [chain.constants[name] for name in inputs if name in chain.constants]
     if len(arrays) == len(inputs):
         chain.constants[output] = compute_constant(operator, arrays, attributes, label)

@@ -95,7 +95,7 @@ class Rk4(Kind[Rk4Parameters, Problem, Rk4Outcome]):
 
     def describe_success(self, parameters: Rk4Parameters, judged: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> str:
         """Returns the distance from MuJoCo's RK4 in the first visible case, and the observed order."""
-        return describe_right_step([one.judgement.outcome for one in judged if not one.trial.hidden])
+        return describe_right_step([trial.judgement.outcome for trial in judged if not trial.hidden])
 
     def build_pictures(
         self, parameters: Rk4Parameters, visible: Sequence[JudgedTrial[Problem, Rk4Outcome]]

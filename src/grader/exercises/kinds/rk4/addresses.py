@@ -83,7 +83,7 @@ def explain_still_quaternion(moves: Moves) -> str | None:
     """Returns the sentence of a quaternion that never changes although its angular velocity is not 0."""
     for address in find_quaternions(moves.model):
         rotations = sample_rotations(moves.steps, address)
-        if all(np.any(one.rates) and not np.any(one.quats - one.quats[0]) for one in rotations):
+        if all(np.any(rotation.rates) and not np.any(rotation.quats - rotation.quats[0]) for rotation in rotations):
             return (
                 "A quaternion in data.qpos never changes, although its angular velocity is not 0: turn it at every "
                 "stage and at the end, with mj_integratePos or by a product of quaternions."

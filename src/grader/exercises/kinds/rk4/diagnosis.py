@@ -149,13 +149,13 @@ def diagnose_reading(outcome: RunOutcome, failed: Sequence[AnyJudged], reading: 
     if (sentence := find_sentence(STATE_RULES, reading) or explain_changed_model(judged)) is not None:
         return Diagnosis(sentence)
     if find_quaternions(reading.model) and reading.calls:
-        sentence = explain_rotations(reading, outcome, hidden=judged.trial.hidden)
+        sentence = explain_rotations(reading, outcome, hidden=judged.hidden)
     else:
         sentence = explain_slopes(reading, judged.trace.returned_values)
     if sentence and (is_whole_tableau(reading) or sentence == explain_early_calls(reading)):
         return Diagnosis(add_rest(sentence, failed), place=find_first_difference(reading))
     rest = explain_rest(reading, outcome) if follows_classical(reading) else None
-    taken = [steps for one in failed if (steps := list_taken_steps(one))]
+    taken = [steps for trial in failed if (steps := list_taken_steps(trial))]
     match = find_match(taken, OF_BARE_DATA if rest else MUTANTS) if taken else None
     if match and match.mutants and not (sentence and is_better_told_by_tableau(match, reading)):
         more = "" if match.explains_all else " There is more: this does not explain every failed case."
@@ -174,10 +174,10 @@ def is_better_told_by_tableau(match: Match, reading: Reading) -> bool:
 
 def add_second(first: str | None, others: Sequence[AnyJudged]) -> str | None:
     """Returns a sentence on the rest of the state, with that on another failed run where it is another mistake."""
-    for one in others if first else ():
-        reading = read_judged_run(one)
+    for trial in others if first else ():
+        reading = read_judged_run(trial)
         if reading is not None and follows_classical(reading):
-            second = explain_rest(reading, one.judgement.outcome)
+            second = explain_rest(reading, trial.judgement.outcome)
             if second is not None and second != first:
                 return f"Two things are wrong. First: {first} Second: {second}"
     return first
@@ -186,7 +186,7 @@ def add_second(first: str | None, others: Sequence[AnyJudged]) -> str | None:
 def add_rest(sentence: str, failed: Sequence[AnyJudged]) -> str:
     """Returns the sentence on positions and velocities, with that on activations or a time which are wrong in another
     way."""
-    time_matters = any(one.judgement.outcome.problem.time_matters for one in failed)
+    time_matters = any(trial.judgement.outcome.problem.time_matters for trial in failed)
     for one in failed:
         reading = read_judged_run(one)
         velocities = None if reading is None else to_matrix(reading.velocities, "a")
@@ -231,7 +231,7 @@ def is_whole_tableau(reading: Reading) -> bool:
 
 def list_taken_steps(judged: AnyJudged) -> TakenSteps | None:
     """Returns the steps in the trace of a judged run, with their forces; None if there are none."""
-    problem, reading = judged.trial.problem, read_judged_run(judged)
+    problem, reading = judged.problem, read_judged_run(judged)
     if reading is None or not all(step.calls for step in reading.steps):
         return None
     forces = {False: problem.run.force, True: problem.probe.force if problem.probe else problem.run.force}

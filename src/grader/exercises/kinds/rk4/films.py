@@ -41,7 +41,7 @@ def keep_motion(visible: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> dict[str
     film has frames; nothing where there is none."""
     wrong = [
         outcome
-        for outcome in (one.judgement.outcome for one in visible)
+        for outcome in (trial.judgement.outcome for trial in visible)
         if isinstance(outcome, RunOutcome) and not outcome.is_right and len(outcome.student)
     ]
     if not wrong:
@@ -64,11 +64,11 @@ def record_films(trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any]) 
     """Yields the film of the motion that the evidence has, beside MuJoCo's RK4 under the same force."""
     try:
         motion = Motion.model_validate(evidence.get("motion"))
-        differences = [Measured.model_validate(one) for one in evidence.get("differences") or []]
+        differences = [Measured.model_validate(difference) for difference in evidence.get("differences") or []]
     except (ValidationError, TypeError):
         return
     trial = next((one for one in trials if one.id == motion.case), None)
-    measured = next((one for one in differences if one.case == motion.case), None)
+    measured = next((difference for difference in differences if difference.case == motion.case), None)
     if trial is None or measured is None:
         return
     run = trial.problem.run

@@ -160,14 +160,14 @@ def name_the_mistake(first_case: str, judged: Sequence[JudgedTrial[Problem, Rk4O
     """Returns the mistake in the first wrong trajectory; None if it is not recognised. What the trace shows comes
     first. Then the trajectory is compared with those of wrong methods; at last the trace says up to where the step can
     be read."""
-    failed = [one for one in judged if not one.judgement.passed]
+    failed = [trial for trial in judged if not trial.judgement.passed]
     if not failed or not isinstance(failed[0].judgement.outcome, RunOutcome):
         return None
     outcome = failed[0].judgement.outcome
-    runs = [one for one in judged if isinstance(one.judgement.outcome, RunOutcome)]
-    diagnosis = diagnose_run([one for one in runs if one in failed])
+    runs = [trial for trial in judged if isinstance(trial.judgement.outcome, RunOutcome)]
+    diagnosis = diagnose_run([run for run in runs if run in failed])
     if diagnosis.sentence is None and failed[0].trial.hidden:
-        passed = (diagnose_passed_run(one) for one in runs if one not in failed and not one.trial.hidden)
+        passed = (diagnose_passed_run(run) for run in runs if run not in failed and not run.hidden)
         diagnosis = next((one for one in passed if one.sentence), diagnosis)
     if diagnosis.sentence:
         return Mistake(diagnosis.sentence, find_mistaken_line(diagnosis, runs))
@@ -193,7 +193,7 @@ def find_mistaken_line(diagnosis: Diagnosis, runs: Sequence[JudgedTrial[Problem,
     script, sentence = runs[0].script, diagnosis.sentence or ""
     if VIEW.search(sentence) and (line := find_view(script, FIELD.findall(sentence))) is not None:
         return line
-    line = find_first_line([one.trace for one in runs], diagnosis.place)
+    line = find_first_line([run.trace for run in runs], diagnosis.place)
     return None if line is None or diagnosis.place is None else find_origin(script, line, diagnosis.place.part)
 
 

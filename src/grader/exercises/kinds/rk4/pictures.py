@@ -20,10 +20,10 @@ POINTS_MAX = 300
 def build_evidence(visible: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> dict[str, Any]:
     """Returns `differences` of cases (for a logarithmic axis), `order`, the `tableau` of the first case, and of a wrong
     one the `motion`."""
-    outcomes = [one.judgement.outcome for one in visible]
-    order = next((one for one in outcomes if isinstance(one, OrderOutcome)), None)
+    outcomes = [trial.judgement.outcome for trial in visible]
+    order = next((outcome for outcome in outcomes if isinstance(outcome, OrderOutcome)), None)
     return {
-        "differences": [draw_difference(one) for one in outcomes if isinstance(one, RunOutcome)],
+        "differences": [draw_difference(outcome) for outcome in outcomes if isinstance(outcome, RunOutcome)],
         "order": draw_order(order) if order else None,
         "tableau": find_tableau(visible),
         **keep_motion(visible),
@@ -32,8 +32,8 @@ def build_evidence(visible: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> dict[
 
 def find_tableau(visible: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> dict[str, Any] | None:
     """Returns the tableau in the trace of the first case; None if it is hidden, or no tableau gives its steps."""
-    first = next((one for one in visible if isinstance(one.judgement.outcome, RunOutcome)), None)
-    reading = read_judged_run(first) if first and first.trial.problem.probe else None
+    first = next((trial for trial in visible if isinstance(trial.judgement.outcome, RunOutcome)), None)
+    reading = read_judged_run(first) if first and first.problem.probe else None
     return draw_tableau(reading) if reading else None
 
 
@@ -69,8 +69,8 @@ def round_figures(values: NDArray[np.float64]) -> list[float | None]:
 
 def describe_right_step(visible: Sequence[Rk4Outcome]) -> str:
     """Returns sentences on the visible runs of a right step: how far it is from MuJoCo's, and its order."""
-    run = next((one for one in visible if isinstance(one, RunOutcome)), None)
-    order = next((one for one in visible if isinstance(one, OrderOutcome)), None)
+    run = next((outcome for outcome in visible if isinstance(outcome, RunOutcome)), None)
+    order = next((outcome for outcome in visible if isinstance(outcome, OrderOutcome)), None)
     said = []
     if run is not None and run.agrees:
         same = (

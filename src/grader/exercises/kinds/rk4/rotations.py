@@ -328,16 +328,16 @@ def explain_wrong_end(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix
     rotations = sample_all_rotations(model, steps)
     stages = range(1, len(rows))
     rules = (turn_in_body, make_derivative(0.5))
-    right = (predicts(rule, one, rows, row) for rule in rules for one in rotations for row in stages[1:])
+    right = (predicts(rule, rotation, rows, row) for rule in rules for rotation in rotations for row in stages[1:])
     if is_same(rows, CLASSICAL) and not any(right):
         return (
             "Your velocities move as they should, but your orientations do not: in your stage 2 the quaternion is not "
             "that of the start of the step, turned by h/2 times the angular velocity. Print it, and compare it with "
             "what mj_integratePos makes of the start."
         )
-    if not all(predicts(turn_in_body, one, rows, row) for one in rotations for row in stages):
+    if not all(predicts(turn_in_body, rotation, rows, row) for rotation in rotations for row in stages):
         return None
-    if all(predicts(turn_in_body, one, rows, len(rows)) for one in rotations):
+    if all(predicts(turn_in_body, rotation, rows, len(rows)) for rotation in rotations):
         return None
     return (
         "Your stages turn the orientations as mj_integratePos does; the end of your step is not reached by such a turn "

@@ -86,8 +86,8 @@ class StatePart:
     def build_systems(self, steps: Sequence[Step], chosen: Sequence[int]) -> list[System]:
         """Returns the equations of every row, over the chosen coordinates of all steps."""
         slopes = [self.terms(step) for step in steps]
-        terms = {term: np.concatenate([one[term][chosen] for one in slopes]) for term in slopes[0]}
-        largest = [np.max(np.abs(next(iter(one.values()), np.zeros(1))), initial=0.0) for one in slopes]
+        terms = {term: np.concatenate([slope[term][chosen] for slope in slopes]) for term in slopes[0]}
+        largest = [np.max(np.abs(next(iter(slope.values()), np.zeros(1))), initial=0.0) for slope in slopes]
         systems = []
         for row in range(1, steps[0].calls + 2):
             changes = [self.change(step, row)[chosen] for step in steps]

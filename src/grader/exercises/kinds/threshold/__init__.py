@@ -91,7 +91,7 @@ class Threshold(Kind[ThresholdParameters, Cell, Claim]):
 
     def describe_success(self, parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> str:
         """Returns how many simulations a visible search took, and how many a bisection needs."""
-        return describe_right_search(parameters, [one.trace for one in judged if not one.trial.hidden])
+        return describe_right_search(parameters, [trial.trace for trial in judged if not trial.hidden])
 
     def build_pictures(
         self, parameters: ThresholdParameters, visible: Sequence[JudgedTrial[Cell, Claim]]

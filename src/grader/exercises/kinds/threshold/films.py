@@ -62,10 +62,10 @@ def record_films(
     shown = choose_case(by_id, evidence, failed)
     if not shown:
         return
-    brackets = any(one.claim_ms for one in shown)
+    brackets = any(claim.claim_ms for claim in shown)
     ends = list[tuple[bool, Film]]()
     for end, name in enumerate(("lower end", "upper end") if brackets else ("longest timestep",)):
-        takes = [take for one in shown for take in take_claim(parameters, by_id[one.case], one, end)]
+        takes = [take for claim in shown for take in take_claim(parameters, by_id[claim.case], claim, end)]
         title = f"At the {name} of {'your bracket' if brackets else 'the search'}"
         for film in shoot(parameters, name.replace(" ", "-"), title, takes):
             agrees = all(
@@ -75,7 +75,7 @@ def record_films(
             ends.append((agrees, film))
     yield from (film for _, film in sorted(ends, key=lambda one: one[0]))
     limits = read_limits(evidence)
-    known = [(by_id[one.case], limits[one.case]) for one in shown if one.case in limits]
+    known = [(by_id[claim.case], limits[claim.case]) for claim in shown if claim.case in limits]
     for name, is_above in (("below", False), ("above", True)):
         takes = [take_limit(parameters, trial, limit, is_above=is_above) for trial, limit in known]
         yield from shoot(parameters, name, f"Just {name} the limits", takes)
@@ -87,18 +87,18 @@ def record_timestep(
 ) -> Iterator[Film]:  # fmt: skip
     """Yields the film of the same case at a timestep within the search, where the evidence has the limits."""
     by_id, limits = {trial.id: trial for trial in trials}, read_limits(evidence)
-    shown = [one for one in choose_case(by_id, evidence, failed) if one.case in limits]
+    shown = [claim for claim in choose_case(by_id, evidence, failed) if claim.case in limits]
     shortest, longest = parameters.search_s
     if shortest <= timestep_s <= longest:
-        takes = [Take(by_id[one.case], timestep_s, "") for one in shown]
+        takes = [Take(by_id[claim.case], timestep_s, "") for claim in shown]
         yield from shoot(parameters, "chosen", f"At {1000 * timestep_s:.4g} ms", takes)
 
 
 def choose_case(by_id: Collection[str], evidence: Mapping[str, Any], failed: Collection[str]) -> Sequence[Claimed]:
     """Returns the claims of the first case with a failed trial, else of the first; none without claims."""
-    claims = [one for one in read(evidence.get("claims"), Claimed) if one.case in by_id]
-    cases = [list(some) for _, some in groupby(claims, key=lambda one: one.case.rpartition(".")[0])]
-    return next((some for some in cases if any(one.case in failed for one in some)), cases[0] if cases else [])
+    claims = [claim for claim in read(evidence.get("claims"), Claimed) if claim.case in by_id]
+    cases = [list(some) for _, some in groupby(claims, key=lambda claim: claim.case.rpartition(".")[0])]
+    return next((some for some in cases if any(claim.case in failed for claim in some)), cases[0] if cases else [])
 
 
 def read_limits(evidence: Mapping[str, Any]) -> dict[str, Limits]:
@@ -142,11 +142,11 @@ def shoot(parameters: ThresholdParameters, name: str, title: str, takes: Sequenc
     if not takes:
         return
     rollouts = [run(parameters, take) for take in takes]
-    ends = [float(one.time[-1]) for one in rollouts if one.diverged_at_step is not None]
+    ends = [float(rollout.time[-1]) for rollout in rollouts if rollout.diverged_at_step is not None]
     end_s = min(parameters.horizon_s, max(AFTERWARDS * max(ends), SHORTEST_S)) if ends else parameters.horizon_s
     panels = tuple(build_panel(take, one, end_s) for take, one in zip(takes, rollouts, strict=True))
-    caption = "; ".join(f"{one.title}, {one.detail}: {one.ended or 'no warning'}" for one in panels) + "."
-    steps = sum(one.steps for one in rollouts)
+    caption = "; ".join(f"{panel.title}, {panel.detail}: {panel.ended or 'no warning'}" for panel in panels) + "."
+    steps = sum(rollout.steps for rollout in rollouts)
     yield Film(name, title, caption, takes[0].trial.problem.scene, end_s, panels, steps=steps)
 
 

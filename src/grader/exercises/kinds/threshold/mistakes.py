@@ -46,10 +46,10 @@ def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[JudgedTri
     """Returns the sentence of the first method that explains every wrong claim, or None."""
     if is_same_for_all_models(judged):
         return CACHED_RESULTS if has_cached_results(judged) else SAME_EVERYWHERE
-    first = {one.trial.problem.integrator: one.trial.problem for one in reversed(judged)}
+    first = {trial.problem.integrator: trial.problem for trial in reversed(judged)}
     claims = [
-        (ClaimContext(parameters, one.trial.problem, first[one.trial.problem.integrator]), one.judgement.outcome, one)
-        for one in judged
+        (ClaimContext(parameters, trial.problem, first[trial.problem.integrator]), trial.judgement.outcome, trial)
+        for trial in judged
     ]
     wrong = [claim for claim in claims if not claim[2].judgement.passed]
     seen = [one for _, _, one in wrong]
@@ -67,7 +67,7 @@ def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[JudgedTri
 
     return (
         explain_searches(parameters, seen, CERTAIN_RULES, judged)
-        or find_method(FORMULAS if not any(simulates_anything(one) for one in judged) else ())
+        or find_method(FORMULAS if not any(simulates_anything(trial) for trial in judged) else ())
         or explain_searches(parameters, seen, NO_STEP_RULES, judged)
         or find_method(METHODS)
         or explain_searches(parameters, seen, FALLBACK_RULES, judged)
@@ -84,10 +84,10 @@ def simulates_anything(judged: JudgedTrial[Cell, Claim]) -> bool:
 def explain_lucky_search(parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> str | None:
     """Returns the sentence of too coarse a search, or of an end that was never run, where the visible answers are right
     all the same, by luck."""
-    visible = [one for one in judged if not one.trial.hidden and not isinstance(one.judgement.outcome, NoLimit)]
+    visible = [trial for trial in judged if not trial.hidden and not isinstance(trial.judgement.outcome, NoLimit)]
     return (
         explain_searches(parameters, visible, (explain_coarse_search, explain_untried_ends))
-        if all(one.judgement.passed for one in visible)
+        if all(trial.judgement.passed for trial in visible)
         else None
     )
 
@@ -109,16 +109,16 @@ def is_same_for_all_models(judged: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
     """Whether the claims ignore the model: the same numbers for all models, right for some and wrong for others."""
     by_case: dict[str, dict[str, Claim]] = {}
     for one in judged:
-        by_case.setdefault(one.trial.problem.case, {})[one.trial.problem.integrator.name] = one.judgement.outcome
+        by_case.setdefault(one.problem.case, {})[one.problem.integrator.name] = one.judgement.outcome
     answers = list(by_case.values())
-    passed = {one.judgement.passed for one in judged if isinstance(one.judgement.outcome, Bracket)}
+    passed = {trial.judgement.passed for trial in judged if isinstance(trial.judgement.outcome, Bracket)}
     return len(answers) > 1 and passed == {True, False} and all(answer == answers[0] for answer in answers)
 
 
 def has_cached_results(judged: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
     """Whether the first case was simulated, and no other one."""
-    first, *others = dict.fromkeys(one.trial.problem.case for one in judged)
-    searches = [(one.trial.problem.case, read_search(one.trace)) for one in judged]
+    first, *others = dict.fromkeys(trial.problem.case for trial in judged)
+    searches = [(trial.problem.case, read_search(trial.trace)) for trial in judged]
     if any(search is None or search.other_functions for _, search in searches):
         return False
     return {case for case, search in searches if search and search.total} == {first} and bool(others)
@@ -127,7 +127,7 @@ def has_cached_results(judged: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
 def repeats_earlier_find(judged: Sequence[JudgedTrial[Cell, Claim]], wrong: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
     """Whether each wrong claim of the visible trials calls a timestep unstable that only an earlier call found so. In
     the call itself that timestep, or a larger one, raised no warning."""
-    visible = [one for one in wrong if not one.trial.hidden]
+    visible = [trial for trial in wrong if not trial.hidden]
     unstable: set[float] = set()
     explained = 0
     for one in judged:
@@ -142,7 +142,7 @@ def repeats_earlier_find(judged: Sequence[JudgedTrial[Cell, Claim]], wrong: Sequ
 
 def list_particulars(parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> dict[str, str]:
     """Returns what a sentence may say: the exercise's public numbers, and those of its first visible model."""
-    visible = next((read_servo(one.trial.problem) for one in judged if not one.trial.hidden), None)
+    visible = next((read_servo(trial.problem) for trial in judged if not trial.hidden), None)
     shift = (
         f": the servo's own damping lowers Euler's limit by kv/kp = {1000 * visible.kv / visible.kp:.3g} ms"
         if visible

@@ -26,10 +26,12 @@ def build_evidence(parameters: ThresholdParameters, visible: Sequence[JudgedTria
     """Returns `angles`, `claims`, `limits` and `stability`, each a list with the trial's id as `case`. `claims` holds
     what the learner said; `limits` and `stability` are part of the solution."""
     return {
-        "angles": [picture for one in visible for picture in draw_angles(parameters, one.trial, one.judgement.outcome)],
-        "claims": [draw_claim(parameters, one.trial, one.judgement.outcome) for one in visible],
-        "limits": [draw_limits(parameters, one.trial) for one in visible],
-        "stability": [draw_stability(parameters, one.trial) for one in visible],
+        "angles": [
+            picture for trial in visible for picture in draw_angles(parameters, trial.trial, trial.judgement.outcome)
+        ],
+        "claims": [draw_claim(parameters, trial.trial, trial.judgement.outcome) for trial in visible],
+        "limits": [draw_limits(parameters, trial.trial) for trial in visible],
+        "stability": [draw_stability(parameters, trial.trial) for trial in visible],
     }
 
 
@@ -40,9 +42,9 @@ def draw_claim(parameters: ThresholdParameters, trial: Trial[Cell], claim: Claim
     return {
         "case": trial.id,
         "integrator": trial.problem.integrator.name,
-        "search_ms": [1000 * one for one in parameters.search_s],
+        "search_ms": [1000 * value for value in parameters.search_s],
         "horizon_s": parameters.horizon_s,
-        "claim_ms": [round_figures(1000 * one) for one in bracket] if bracket is not None and is_drawn else None,
+        "claim_ms": [round_figures(1000 * value) for value in bracket] if bracket is not None and is_drawn else None,
         "said_none": isinstance(claim, NoLimit),
     }
 

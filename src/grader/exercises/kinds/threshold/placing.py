@@ -13,7 +13,7 @@ NO_LIMIT = Position(nan, nan)
 
 def place_brackets(verdict: Mapping[str, Any]) -> Iterator[Placed]:
     """Yields an axis for each visible trial that returned, with what was claimed there."""
-    limits = {one["case"]: one for one in list_parts(verdict, "limits")}
+    limits = {part["case"]: part for part in list_parts(verdict, "limits")}
     findings = dict(list_findings(verdict))
     for one in list_parts(verdict, "claims"):
         case, limit = one["case"], limits.get(one["case"], {})

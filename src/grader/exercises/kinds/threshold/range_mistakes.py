@@ -176,7 +176,7 @@ def explain_whole_range(observed: Observation) -> str | None:
     inside = [run for run in runs if ends[0] * (1 + CLOSE) < run.timestep_s < ends[1] * (1 - CLOSE)]
     if inside or not runs or observed.search.total > len(runs):
         return None
-    shortest, longest, width = (f"{1e3 * one:g}" for one in (*ends, observed.parameters.width_s))
+    shortest, longest, width = (f"{1e3 * value:g}" for value in (*ends, observed.parameters.width_s))
     return (
         f"You return the whole range of the search, {shortest} and {longest} ms: no timestep between them was tried. "
         f"If a loop should halve it, look at its condition: {width} ms are {observed.parameters.width_s:g} s."
@@ -207,7 +207,7 @@ def explain_rounded_ends(observed: Observation) -> str | None:
     if all(abs(one - end) <= CLOSE * end for one, end in zip(ends, observed.claim.numbers, strict=True)):
         return None
     for decimals in ROUNDED_DECIMALS:
-        if [round(one, decimals) for one in ends] == observed.claim.numbers:
+        if [round(value, decimals) for value in ends] == observed.claim.numbers:
             return (
                 f"Your answer is rounded to {decimals} decimals of a second, in steps of {1e3 * 10**-decimals:g} ms: "
                 "the timesteps that you ran are finer. Return them as they are, and round only what you print."

@@ -132,13 +132,15 @@ def explain_sticky_flag(observed: Observation) -> str | None:
 
 def explain_inverted_test(observed: Sequence[Observation]) -> str | None:
     """Returns the sentence where runs with a warning count as stable, and in other trials those without as unstable."""
-    nothing = [one for one in observed if isinstance(one.claim, NoLimit)]
-    numbers = [one for one in observed if one not in nothing]
-    if not nothing or not numbers or not all(one.search.runs for one in observed):
+    nothing = [observation for observation in observed if isinstance(observation.claim, NoLimit)]
+    numbers = [observation for observation in observed if observation not in nothing]
+    if not nothing or not numbers or not all(observation.search.runs for observation in observed):
         return None
-    if not all(run.warnings for one in nothing for run in one.search.runs):
+    if not all(run.warnings for observation in nothing for run in observation.search.runs):
         return None
-    if any(run.warnings for one in numbers for run in one.search.runs) or not all(one.unstable_runs for one in numbers):
+    if any(run.warnings for claimed in numbers for run in claimed.search.runs) or not all(
+        claimed.unstable_runs for claimed in numbers
+    ):
         return None
     return (
         "Your test is the wrong way round: a run in which MuJoCo raised a warning counts as stable, and one without a "
@@ -177,28 +179,28 @@ def explain_searches(
     """Returns the sentence of the first rule that explains every wrong claim of the visible trials. If all visible
     claims are right, it must explain those of the hidden trials, of whose runs only the first are known. `judged` are
     all trials."""
-    shown = [one for one in wrong if not one.trial.hidden] or wrong
-    simulates = any((search := read_search(one.trace)) is not None and search.total for one in judged)
+    shown = [trial for trial in wrong if not trial.hidden] or wrong
+    simulates = any((search := read_search(trial.trace)) is not None and search.total for trial in judged)
     observed = [
         Observation(
             parameters=parameters,
-            cell=one.trial.problem,
-            claim=one.judgement.outcome,
+            cell=trial.problem,
+            claim=trial.judgement.outcome,
             search=search,
-            trace=one.trace,
-            may_tell_numbers=not one.trial.hidden,
+            trace=trial.trace,
+            may_tell_numbers=not trial.hidden,
             simulates_others=simulates,
-            script=one.script,
+            script=trial.script,
         )
-        for one in shown
-        if (search := read_search(one.trace)) is not None
+        for trial in shown
+        if (search := read_search(trial.trace)) is not None
     ]
     if not observed or len(observed) < len(shown):
         return None
     if (turned := explain_inverted_test(observed)) is not None:
         return turned
     for rule in rules:
-        sentences = [rule(one) for one in observed]
+        sentences = [rule(observation) for observation in observed]
         if all(sentences):
             return sentences[0]
     return None

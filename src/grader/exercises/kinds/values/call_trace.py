@@ -26,9 +26,9 @@ def list_texts(trace: Trace, key: str) -> list[str]:
 
 def explain_unreadable_results(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence for results that cannot be read, from what the function returned first."""
-    values = [next(iter(one.trace.returned_values), None) for one in wrong]
+    values = [next(iter(call.trace.returned_values), None) for call in wrong]
     first, names = values[0], [result.name for result in wrong[0].problem.function.results if result.field is None]
-    if first is None or not names or any(one is None or one.type != first.type for one in values):
+    if first is None or not names or any(value is None or value.type != first.type for value in values):
         return None
     if first.type == "dict" and {*KEY.findall(wrong[0].comparison.answer.text)} == {*names}:
         return f"Your function returns a dict in which not every value is a finite number: {say_cure(names)}"
@@ -82,7 +82,7 @@ def explain_by_trace(wrong: Sequence[StudentCall]) -> str | None:
 
 def explain_step(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence for the right results of the state one step later."""
-    stepped = [next((name for name in STEPPERS if name in list_texts(one.trace, "functions")), None) for one in wrong]
+    stepped = [next((name for name in STEPPERS if name in list_texts(call.trace, "functions")), None) for call in wrong]
     if None in stepped or not all(map(is_right_after_a_step, wrong)):
         return None
     return (
@@ -105,9 +105,9 @@ def is_right_after_a_step(student_call: StudentCall) -> bool:
 
 def explain_missing_forward(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence for results of 0 from a function that computed nothing from the state of `data`."""
-    if not all("data" in one.comparison.call.arguments for one in wrong):
+    if not all("data" in call.comparison.call.arguments for call in wrong):
         return None
-    pairs = [pair for one in wrong for pair in one.wrong_pairs]
+    pairs = [pair for call in wrong for pair in call.wrong_pairs]
     if not pairs or any(np.any(got) or not np.any(right) for _, got, right in pairs):
         return None
     name = find_missing_call(wrong)
@@ -120,7 +120,7 @@ def explain_missing_forward(wrong: Sequence[StudentCall]) -> str | None:
 def find_missing_call(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the function by which the author's program computes derived quantities, where the student's function
     calls none that does."""
-    if any({*list_texts(one.trace, "functions")} & {*DERIVE, *STEPPERS} for one in wrong):
+    if any({*list_texts(call.trace, "functions")} & {*DERIVE, *STEPPERS} for call in wrong):
         return None
     called = {*re.findall(r"\w+", wrong[0].problem.text)}
     return next((name for name in DERIVE if name in called), None)
@@ -128,7 +128,7 @@ def find_missing_call(wrong: Sequence[StudentCall]) -> str | None:
 
 def explain_other_shape(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence for results of one wrong shape."""
-    shapes = {(result.name, got.shape, right.shape) for one in wrong for result, got, right in one.wrong_pairs}
+    shapes = {(result.name, got.shape, right.shape) for call in wrong for result, got, right in call.wrong_pairs}
     if len(shapes) != 1:
         return None
     ((name, got, right),) = shapes
@@ -148,7 +148,7 @@ def explain_changed_input(wrong: Sequence[StudentCall]) -> str | None:
     if any(result.field for result in wrong[0].problem.function.results):
         return None
     meant = find_changed_by_author(wrong[0])
-    changed = [[name for name in list_texts(one.trace, "changed") if name not in meant] for one in wrong]
+    changed = [[name for name in list_texts(call.trace, "changed") if name not in meant] for call in wrong]
     common = [name for name in changed[0] if all(name in one for one in changed)]
     if not common:
         return None

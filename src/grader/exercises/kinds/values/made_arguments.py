@@ -32,7 +32,7 @@ def read_arguments(path: str, made: list[Any], xml: str) -> tuple[Any, ...]:
     if len(made) > ARGUMENTS_MAX:
         raise ValueError(f"{path} makes {len(made)} arguments; at most {ARGUMENTS_MAX} are taken")
     arguments = tuple(read_argument(f"argument {index} of {path}", one, xml) for index, one in enumerate(made, 1))
-    if (count := sum(np.size(one) for one in arguments)) > NUMBERS_MAX:
+    if (count := sum(np.size(argument) for argument in arguments)) > NUMBERS_MAX:
         raise ValueError(f"{path} makes {count} numbers; at most {NUMBERS_MAX} are taken")
     return arguments
 

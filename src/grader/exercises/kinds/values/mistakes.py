@@ -58,12 +58,12 @@ def name_by_edits(
 
 def list_calls(judged: Sequence[JudgedTrial[Problem, Comparisons]]) -> list[StudentCall]:
     """Returns the calls of the first function that is wrong."""
-    first = next((one.trial.problem.name for one in judged if not one.judgement.passed), None)
+    first = next((trial.problem.name for trial in judged if not trial.judgement.passed), None)
     return [
-        StudentCall(one.trial.problem, compared, one.trace, one.trial.hidden)
-        for one in judged
-        if one.trial.problem.name == first
-        for compared in one.judgement.outcome
+        StudentCall(trial.problem, compared, trial.trace, trial.hidden)
+        for trial in judged
+        if trial.problem.name == first
+        for compared in trial.judgement.outcome
     ]
 
 
@@ -117,7 +117,7 @@ def is_same(one: Sequence[Rows], other: Sequence[Rows]) -> bool:
 def explain_by_programs(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence of the first of the author's wrong programs that gives the student's results."""
     for index, (_, sentence) in enumerate(wrong[0].problem.mistakes):
-        if all(is_given_by(one, program=one.problem.mistakes[index][0]) for one in wrong):
+        if all(is_given_by(call, program=call.problem.mistakes[index][0]) for call in wrong):
             return sentence
     return None
 
@@ -169,7 +169,7 @@ def explain_by_residual(wrong: Sequence[StudentCall]) -> str | None:
     names = [result.name for result in wrong[0].problem.function.results]
     for mistake in WRONG_RESULTS:
         for altered in dict.fromkeys([*((name,) for name in names), tuple(names)]):
-            if all(satisfies_mended(one, altered, mistake.mend) for one in wrong):
+            if all(satisfies_mended(call, altered, mistake.mend) for call in wrong):
                 return mistake.sentence.format(name=" and ".join(altered))
     return None
 
@@ -180,19 +180,19 @@ def satisfies_mended(call: StudentCall, altered: Sequence[str], mend: Callable[[
     named = zip(call.problem.function.results, answer.values or (), strict=True)
     mended = tuple(mend(got) if result.name in altered else got for result, got in named)
     # Before anything is computed: arrays of other shapes broadcast to huge ones.
-    fits_shapes = [one.shape for one in mended] == call.problem.list_shapes(asked)
+    fits_shapes = [array.shape for array in mended] == call.problem.list_shapes(asked)
     return fits_shapes and not compare_residual(call.problem, asked, answer, mended).why
 
 
 def explain_by_results(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence of a mistake that the results alone show."""
-    names = " and ".join(dict.fromkeys(result.name for one in wrong for result, _, _ in one.wrong_pairs))
-    if all(is_swapped(one) for one in wrong):
+    names = " and ".join(dict.fromkeys(result.name for call in wrong for result, _, _ in call.wrong_pairs))
+    if all(is_swapped(call) for call in wrong):
         return "Your results are in the wrong order: return them as the exercise lists them."
     for mistake in WRONG_RESULTS:
-        if all(fits(result, got, mistake.alter(right)) for one in wrong for result, got, right in one.wrong_pairs):
+        if all(fits(result, got, mistake.alter(right)) for call in wrong for result, got, right in call.wrong_pairs):
             return mistake.sentence.format(name=names)
-    pairs = [pair for one in wrong for pair in one.wrong_pairs]
+    pairs = [pair for call in wrong for pair in call.wrong_pairs]
     if all(is_permuted(*pair) for pair in pairs):
         return f"The elements of {names} are in the wrong order: check which comes first."
     if all(is_shifted(*pair) for pair in pairs):
@@ -204,7 +204,7 @@ def explain_by_results(wrong: Sequence[StudentCall]) -> str | None:
 
 def explain_by_pattern(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence of results that differ from the right ones in the same way everywhere."""
-    pairs = [pair for one in wrong for pair in one.wrong_pairs]
+    pairs = [pair for call in wrong for pair in call.wrong_pairs]
     if any(got.shape != right.shape for _, got, right in pairs):
         return None
     names = " and ".join(dict.fromkeys(result.name for result, _, _ in pairs))
@@ -268,21 +268,21 @@ def is_shifted(result: Result, got: Rows, right: Rows) -> bool:
 def explain_unchanged_data(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence of a function that leaves data as it was; of one that returns its results, where to."""
     fields = [result.field for result in wrong[0].problem.function.results]
-    if not all(fields) or not all(is_unchanged(one) for one in wrong):
+    if not all(fields) or not all(is_unchanged(call) for call in wrong):
         return None
     names = " and ".join(f"data.{field}" for field in fields)
-    if all(value.type != "NoneType" for one in wrong for value in one.trace.returned_values[:1]):
+    if all(value.type != "NoneType" for call in wrong for value in call.trace.returned_values[:1]):
         return f"data is left as it was, and your function returns a value: write into {names} in place instead."
     return f"data is left as it was: write into {names} in place, as in data.{fields[0]}[:] = ..."
 
 
 def explain_by_state(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence of a mistake that the state after a step shows."""
-    if not all(result.field for one in wrong for result in one.problem.function.results):
+    if not all(result.field for call in wrong for result in call.problem.function.results):
         return None
-    if all(is_given_by(one, times=2) for one in wrong):
+    if all(is_given_by(call, times=2) for call in wrong):
         return "You are off by one step: data is advanced twice in one call."
-    if all(is_explicit(one) for one in wrong):
+    if all(is_explicit(call) for call in wrong):
         return (
             "Your step is explicit: positions move with the velocity at the start of the step. In a semi-implicit "
             "step the velocity is advanced first, and positions move with the new one."
@@ -292,7 +292,7 @@ def explain_by_state(wrong: Sequence[StudentCall]) -> str | None:
 
 def explain_unchanged_fields(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence of fields that every wrong call leaves as they were."""
-    kept = [{result.field for result, _, _ in one.wrong_pairs} & {*list_unchanged_fields(one)} for one in wrong]
+    kept = [{result.field for result, _, _ in call.wrong_pairs} & {*list_unchanged_fields(call)} for call in wrong]
     fields = [result.field for result in wrong[0].problem.function.results if all(result.field in one for one in kept)]
     if not fields:
         return None

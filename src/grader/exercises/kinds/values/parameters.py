@@ -160,7 +160,7 @@ class Problem:
     @property
     def results(self) -> list[dict[str, str | None]]:
         """Names and fields of the results, as the driver reads them."""
-        return [{"name": one.name, "field": one.field} for one in self.function.results]
+        return [{"name": result.name, "field": result.field} for result in self.function.results]
 
     def inputs(self) -> dict[str, Any]:
         """Returns the inputs of the driver."""
@@ -238,7 +238,7 @@ def read_size(size: int | str, arguments: Sequence[Any]) -> int:
 def pose_case(parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Problem:
     """Draws the calls of a case. Raises WrongParameter, ValueError or KeyError for parameters that cannot work."""
     case = drawn.case
-    known = {one.name or drawn.content.entry: one for one in parameters.functions}
+    known = {function.name or drawn.content.entry: function for function in parameters.functions}
     name = case.function or next(iter(known))
     if name not in known:
         raise ValueError(f"`functions` has no function {name!r}; it has {', '.join(known)}")

@@ -15,7 +15,7 @@ def build_evidence(visible: Sequence[JudgedTrial[Problem, Comparisons]]) -> dict
     `residuals` has the size of each residual that was computed."""
     rows = [
         {
-            "case": one.trial.id,
+            "case": trial.id,
             "call": index + 1,
             "arguments": list(compared.call.arguments),
             "result": result.name,
@@ -23,15 +23,15 @@ def build_evidence(visible: Sequence[JudgedTrial[Problem, Comparisons]]) -> dict
             "computed": shorten(compared.answer.values[position]),
             "expected": None if compared.expected is None else shorten(compared.expected[position]),
         }
-        for one in visible
-        for index, compared in enumerate(one.judgement.outcome)
+        for trial in visible
+        for index, compared in enumerate(trial.judgement.outcome)
         if compared.answer.values is not None
-        for position, result in enumerate(one.trial.problem.function.results)
+        for position, result in enumerate(trial.problem.function.results)
     ]
     residuals = [
-        {"case": one.trial.id, "call": index + 1, "size": float(f"{compared.residual:.4g}")}
-        for one in visible
-        for index, compared in enumerate(one.judgement.outcome)
+        {"case": trial.id, "call": index + 1, "size": float(f"{compared.residual:.4g}")}
+        for trial in visible
+        for index, compared in enumerate(trial.judgement.outcome)
         if compared.residual is not None
     ]
     return {"values": rows[:ROWS_MAX], **({"residuals": residuals[:ROWS_MAX]} if residuals else {})}

@@ -28,16 +28,16 @@ def place_results(parameters: ValuesParameters, verdict: Mapping[str, Any]) -> I
     findings = dict(list_findings(verdict))
     for case in parameters.cases:
         function = find_function(parameters, case)
-        results = {one.name: one for one in function.results}
+        results = {result.name: result for result in function.results}
         sizes = [
             measure_deviation(results[str(row["result"])], row)
             for row in rows
             if row["case"] == case.id and str(row.get("result")) in results
         ]
         if function.residual is not None:
-            left = [read_number(one.get("size")) for one in residuals if one["case"] == case.id]
-            sizes = [None if one is None else one / function.residual.atol for one in left]
-        known = [one for one in sizes if one is not None]
+            left = [read_number(residual.get("size")) for residual in residuals if residual["case"] == case.id]
+            sizes = [None if value is None else value / function.residual.atol for value in left]
+        known = [size for size in sizes if size is not None]
         if known:
             finding = findings.get(case.id, {})
             axis = ClassAxis(
@@ -49,7 +49,7 @@ def place_results(parameters: ValuesParameters, verdict: Mapping[str, Any]) -> I
 
 def find_function(parameters: ValuesParameters, case: ValuesCase) -> Function:
     """Returns the function that a case calls: the first without a choice. One without a name has the question's."""
-    named = {one.name: one for one in parameters.functions}
+    named = {function.name: function for function in parameters.functions}
     first = parameters.functions[0]
     return first if case.function is None else named.get(case.function) or named.get(None) or first
 

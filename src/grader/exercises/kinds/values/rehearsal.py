@@ -69,7 +69,7 @@ def count_lucky_calls(problems: Sequence[Problem], index: int) -> int:
     if all(len({each.shape for each in results}) == 1 for results in zip(*answers, strict=True)):
         answers.append(tuple(np.mean(results, axis=0) for results in zip(*answers, strict=True)))
     answers += [tuple(np.full_like(each, number) for each in answers[0]) for number in REHEARSED]
-    return max(sum(is_satisfied(problem, problem.calls[index], one) for problem in problems) for one in answers)
+    return max(sum(is_satisfied(problem, problem.calls[index], answer) for problem in problems) for answer in answers)
 
 
 def is_satisfied(problem: Problem, call: Call, answer: tuple[Rows, ...]) -> bool:

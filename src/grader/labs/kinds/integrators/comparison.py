@@ -75,7 +75,7 @@ def run_integrators(
     index = None if key is None or key == "" else scene.find_id(mujoco.mjtObj.mjOBJ_KEY, key)
     scene = scene if index is None else scene.at(key=index)
     steps = round(seconds / timestep)
-    runs = tuple(measure_drift(scene, one, timestep, steps, SAMPLES) for one in INTEGRATORS)
+    runs = tuple(measure_drift(scene, integrator, timestep, steps, SAMPLES) for integrator in INTEGRATORS)
     return IntegratorsRun(model, None if index is None else keys[index], keys, timestep, seconds, runs)
 
 

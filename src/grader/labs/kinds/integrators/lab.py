@@ -29,7 +29,7 @@ class IntegratorsLab(Lab):
     @property
     def offered(self) -> dict[str, str]:
         """The label of every model that may be chosen, by name."""
-        pairs = [one if isinstance(one, tuple) else (one, one) for one in self.models]
+        pairs = [model if isinstance(model, tuple) else (model, model) for model in self.models]
         return {self.model: self.model} | dict(pairs)
 
 

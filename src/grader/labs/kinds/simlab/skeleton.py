@@ -61,7 +61,8 @@ def build_skeleton(lab: LabConfig) -> dict[str, Any]:
         "is_bare": not (lab.plots or lab.readouts),
         "seconds": choose_length_s(lab),
         "controls": [
-            _pick(one, CONTROL) | (describe_slider(one) if isinstance(one, Slider) else {}) for one in lab.controls
+            _pick(control, CONTROL) | (describe_slider(control) if isinstance(control, Slider) else {})
+            for control in lab.controls
         ],
         "toggles": {name: text for name, text in TOGGLES.items() if name in (lab.toggles or ())},
         "shown": list(list_shown_overlays(lab)),

@@ -177,7 +177,7 @@ def _read_call(node: Node, model: mujoco.MjModel) -> Dimension | None:
         return None if joint < 0 else _of_joint(name, int(model.jnt_type[joint]))
     if name == "Math.sqrt" and arguments:
         return _raise(_read(arguments[0], model), 0.5)
-    read = [_read(one, model) for one in arguments]
+    read = [_read(argument, model) for argument in arguments]
     return read[0] if name in SAME and read and all(one == read[0] for one in read) else None
 
 
@@ -203,7 +203,7 @@ def _read_element(path: str, at: float, model: mujoco.MjModel) -> Dimension | No
     if path not in JOINTS:
         return None
     addresses = {"data.qpos": model.jnt_qposadr, "model.qpos0": model.jnt_qposadr, "model.jnt_stiffness": joints}
-    at_joint = [one for one in joints if addresses.get(path, model.jnt_dofadr)[one] == at]
+    at_joint = [joint for joint in joints if addresses.get(path, model.jnt_dofadr)[joint] == at]
     single = _of_joint(path, int(model.jnt_type[at_joint[0]])) if at_joint else None
     return _read_loose_element(path, int(at), model) if single is None and path != "model.jnt_stiffness" else single
 

@@ -82,7 +82,7 @@ def read_energy_and_violation(scene: Scene, states: Array) -> tuple[Array, Array
 def measure_errors(scene: Scene, truth: Array, states: Array) -> Record:
     """Returns the largest difference at any sample in each quantity of the scene between two runs, (n, nq + nv)."""
     nq = int(scene.model.nq)
-    energies, violations = zip(*(read_energy_and_violation(scene, one) for one in (truth, states)), strict=True)
+    energies, violations = zip(*(read_energy_and_violation(scene, array) for array in (truth, states)), strict=True)
     found = {
         "position": measure_position_distance(scene, truth[:, :nq], states[:, :nq]),
         "velocity": float(np.abs(truth[:, nq:] - states[:, nq:]).max()),

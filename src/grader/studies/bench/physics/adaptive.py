@@ -183,7 +183,7 @@ def summarise_scene(records: Records, scene: str) -> Record:
 
 def summarise_fewest(settings: Any, error: float) -> Record | None:
     """The setting within an error that takes the fewest evaluations; its cost is in runs of MuJoCo's defaults."""
-    good = [one for one in settings if one["error"] <= error]
+    good = [setting for setting in settings if setting["error"] <= error]
     if not good:
         return None
     best = min(good, key=lambda one: int(one["evaluations"]))
@@ -192,7 +192,7 @@ def summarise_fewest(settings: Any, error: float) -> Record | None:
 
 def summarise_order(settings: list[Record]) -> Record | None:
     """Returns the order through the errors of FALLING, with its 95 % interval; None for fewer than three."""
-    used = [one for one in settings if FALLING[0] < one["error"] < FALLING[1]]
+    used = [setting for setting in settings if FALLING[0] < setting["error"] < FALLING[1]]
     if len(used) < 3:
         return None
     fit = fit_order([one["setting"] for one in used], [one["error"] for one in used])

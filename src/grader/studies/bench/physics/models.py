@@ -161,8 +161,8 @@ def summarise(records: Records) -> Record:
     """Per model what the table needs, and the medians with and without constraints."""
     models = {key.model: summarise_model(record) for key, record in select_kind(records, Model).items()}
     groups: dict[bool, list[float]] = {True: [], False: []}
-    for one in models.values():
-        groups["constraints" in one["needed"]].append(one["skipping"]["ratio"])
+    for model in models.values():
+        groups["constraints" in model["needed"]].append(model["skipping"]["ratio"])
     return {
         "steps": STEPS,
         "models": models,

@@ -338,7 +338,7 @@ def many(results: Results) -> str:
     """How many models skipping is measured on."""
     models = results["models"]["models"]
     demand(len(models) >= 20, f"{len(models)} models were measured")
-    demand(all(one["bitwise"] for one in models.values()), {name: one["bitwise"] for name, one in models.items()})
+    demand(all(model["bitwise"] for model in models.values()), {name: one["bitwise"] for name, one in models.items()})
     return f"on {len(models)} models"
 
 
@@ -346,8 +346,8 @@ def many(results: Results) -> str:
 def everywhere(results: Results) -> str:
     """What skipping saves where contacts may open, and where nothing is constrained."""
     models = results["models"]["models"].values()
-    touched = [one["skipping"]["ratio"] for one in models if "contacts" in one["needed"]]
-    free = [one["skipping"]["ratio"] for one in models if "constraints" not in one["needed"]]
+    touched = [model["skipping"]["ratio"] for model in models if "contacts" in model["needed"]]
+    free = [model["skipping"]["ratio"] for model in models if "constraints" not in model["needed"]]
     demand(max(touched) < 1.2 < min(free), f"where contacts may open {touched}, where nothing is constrained {free}")
     return (
         f"Where contacts may open, skipping saves next to nothing (x{min(touched):.2f} to x{max(touched):.2f}); "
@@ -359,7 +359,7 @@ def everywhere(results: Results) -> str:
 def fixed_cost(results: Results) -> str:
     """What a run costs beside its steps."""
     models = results["models"]["models"].values()
-    fixed, resets = ([one[f"{what}_us"] for one in models] for what in ("fixed", "reset"))
+    fixed, resets = ([model[f"{what}_us"] for model in models] for what in ("fixed", "reset"))
     return (
         f"A run of {results['models']['steps']} steps costs {span(fixed, '.1f')} us beside its steps and MuJoCo's own "
         f"reset, which takes {span(resets, '.1f')} us"
@@ -371,7 +371,7 @@ def fewest(results: Results) -> str:
     """Returns the double pendulum within 1e-6: evaluations against time."""
     scene = results["adaptive"]["scenes"]["double_pendulum"]
     ours, solvers = scene["mujoco"]["1e-06"], [one["1e-06"] for one in scene["adaptive"].values() if one["1e-06"]]
-    best = min(solvers, key=lambda one: int(one["evaluations"]))
+    best = min(solvers, key=lambda solver: int(solver["evaluations"]))
     demand(best["evaluations"] < ours["evaluations"] and best["ratio"] > ours["ratio"], f"{best} beside {ours}")
     return (
         f"within 1e-6 on the double pendulum {best['method']} takes {best['evaluations']} evaluations where "

@@ -67,7 +67,7 @@ def impact_spread(results: Results) -> str:
     """How far the 95 % bound of RK4 lies above its median."""
     scenes = results["impacts"]["scenes"].values()
     runs = [scene["integrators"]["RK4"] for scene in scenes]
-    factors = [high / middle for one in runs for high, middle in zip(one["high"], one["median"], strict=True) if high]
+    factors = [high / middle for run in runs for high, middle in zip(run["high"], run["median"], strict=True) if high]
     demand(min(factors) > 1, f"95 % over median under RK4: {factors}")
     return f"{span(factors)} times its median"
 
@@ -78,7 +78,11 @@ def own_impacts(results: Results) -> str:
     scenes = results["impacts"]["scenes"]
     own = max(scene["own_error"] for scene in scenes.values())
     smallest = min(
-        error for scene in scenes.values() for one in scene["integrators"].values() for error in one["median"] if error
+        error
+        for scene in scenes.values()
+        for integrator in scene["integrators"].values()
+        for error in integrator["median"]
+        if error
     )
     demand(10 * own < smallest, f"own error {own}, smallest median {smallest}")
     coarse, fine = (max(scene["tiny"][place] for scene in scenes.values()) for place in (0, 1))
@@ -129,14 +133,14 @@ def violations(results: Results) -> str:
 @claim
 def plain_nstep(results: Results) -> str:
     """Returns the cost of plain mj_step with nstep in our runs."""
-    ratios = [one["nstep"]["ratio"] for one in results["models"]["models"].values()]
+    ratios = [model["nstep"]["ratio"] for model in results["models"]["models"].values()]
     return f"One call of `mj_step(nstep)` takes {span(ratios, '.2f')} times the CPU time of our run"
 
 
 @claim
 def recording(results: Results) -> str:
     """Returns the cost of mujoco.rollout in our runs that keep every step."""
-    ratios = [one["recording"]["ratio"] for one in results["models"]["models"].values()]
+    ratios = [model["recording"]["ratio"] for model in results["models"]["models"].values()]
     demand(min(ratios) > 0.75, f"mujoco.rollout takes {min(ratios)} times the time of ours")
     return f"Where every step is kept, `mujoco.rollout` takes {span(ratios, '.2f')} times the CPU time of our run"
 

@@ -38,9 +38,11 @@ def mjx_packages(results: Results) -> str:
 def single_precision(results: Results) -> str:
     """Returns the error that single precision leaves at every timestep, and how far double precision is MuJoCo's."""
     scenes = results["batches"]["scenes"].values()
-    finest = [(one["32"]["errors"][-1], one["64"]["errors"][-1], one["64"]["mujoco"][-1]) for one in scenes]
+    finest = [(scene["32"]["errors"][-1], scene["64"]["errors"][-1], scene["64"]["mujoco"][-1]) for scene in scenes]
     demand(all(single > ours for single, _, ours in finest), f"errors at the smallest timestep: {finest}")
-    apart = max(abs(b / a - 1) for one in scenes for a, b in zip(one["64"]["mujoco"], one["64"]["errors"], strict=True))
+    apart = max(
+        abs(b / a - 1) for scene in scenes for a, b in zip(scene["64"]["mujoco"], scene["64"]["errors"], strict=True)
+    )
     demand(apart < 0.01, f"errors of float64 over those of MuJoCo differ by {apart}")
     return (
         "MJX in float64 has MuJoCo's errors within 1 %; in float32 rounding leaves "
@@ -51,9 +53,10 @@ def single_precision(results: Results) -> str:
 @claim
 def batch_costs(results: Results) -> str:
     """Returns what a step costs alone and in the largest batch."""
-    kinds = [one["batches"] for one in results["batches"]["scenes"][batches.TIMED].values()]
+    kinds = [scene["batches"] for scene in results["batches"]["scenes"][batches.TIMED].values()]
     alone, together = (
-        [one[str(size)]["ratio"] for one in kinds if str(size) in one] for size in (batches.SIZES[0], batches.SIZES[-1])
+        [kind[str(size)]["ratio"] for kind in kinds if str(size) in kind]
+        for size in (batches.SIZES[0], batches.SIZES[-1])
     )
     demand(min(alone) > max(together), f"alone {alone}, together {together}")
     return (

@@ -197,7 +197,8 @@ def summarise_script(record: Record) -> Record:
         last_s = max(0.0, *(arrivals[place].time_s + waits[place] + service_s for place in rush))
         minutes = [int((arrivals[place].time_s + RUSH_S) // 60) for place in rush]
         by_minute = [
-            [waits[place] for place, at in zip(rush, minutes, strict=True) if at == one] for one in sorted(set(minutes))
+            [waits[place] for place, at in zip(rush, minutes, strict=True) if at == minute]
+            for minute in sorted(set(minutes))
         ]
         machines[str(cores)] = compute_shares([waits[place] for place in rush]) | {
             "last_verdict_s": last_s,
@@ -213,7 +214,7 @@ def summarise_script(record: Record) -> Record:
 def summarise_processes(cpu_s: float) -> Record:
     """Returns how many processes the rush takes for each patience, where a script takes so much CPU time [s]."""
     rush = [arrival for arrival in draw_class(cpu_s / BUSY) if arrival.time_s > -RUSH_S]
-    return {f"{one:g}": count_processes(rush, one, PATIENT, range(1, PROCESSES_MAX)) for one in PATIENCE_S}
+    return {f"{value:g}": count_processes(rush, value, PATIENT, range(1, PROCESSES_MAX)) for value in PATIENCE_S}
 
 
 def draw(_records: Records, summary: Record) -> Figure:

@@ -95,7 +95,7 @@ class Load(Measurement):
         submit(busy[0])
         with ThreadPoolExecutor(self.students) as pool:
             begin = time.perf_counter()
-            times = [one for several in pool.map(time_all, busy) for one in several]
+            times = [value for several in pool.map(time_all, busy) for value in several]
             per_second = len(times) / (time.perf_counter() - begin)
         return {"submissions": len(times), "per_second": per_second} | compute_percentiles(times)
 
@@ -113,7 +113,9 @@ class Beside(Measurement):
 
     def rows(self, record: Record) -> list[Record]:
         """Returns one row a server; ratios stand beside the bare route that they are to."""
-        return [{**one, **record["ratios"].get(one["server"], {}), **record["effort"]} for one in record["servers"]]
+        return [
+            {**server, **record["ratios"].get(server["server"], {}), **record["effort"]} for server in record["servers"]
+        ]
 
 
 @dataclass(frozen=True)

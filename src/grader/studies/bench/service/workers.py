@@ -78,8 +78,8 @@ def measure_queue(client: Client, source: str, scripts: int) -> tuple[float, flo
     with hold_processes(client.server):
         ids = [client.hand_in("servo-threshold", source) for source in sources]
         began, before_s = time.perf_counter(), read_family_cpu_s(client.server)
-    for one in ids[-max(WORKER_COUNTS) :]:  # one of them is the last
-        client.watch_submission(one)
+    for id_ in ids[-max(WORKER_COUNTS) :]:  # one of them is the last
+        client.watch_submission(id_)
     ended, after_s = time.perf_counter(), read_family_cpu_s(client.server)
     return scripts / (ended - began), (after_s - before_s) / scripts
 

@@ -213,7 +213,7 @@ def change_comments(at: Sitting, submission_id: str, typed: Typed, do: str) -> T
     with at.services.database.write() as session:
         row, text = get_submission(session, at.who, submission_id), typed.comment.strip()
         here = (row.quiz, row.question)
-        kept = {one.id: one.text for one in comments_on(session, row.course, *here)}
+        kept = {comment.id: comment.text for comment in comments_on(session, row.course, *here)}
         if do == "insert" and typed.saved in kept:
             return replace(typed, comment="\n".join(filter(None, (text, kept[typed.saved]))))
         if do == "delete" and typed.saved in kept:
@@ -236,7 +236,7 @@ def parse_typed(form: dict[str, str]) -> Typed:
 
 def restore_typed(given: Given) -> Typed:
     """Returns the form as the last reviewer of an answer left it; empty before the first."""
-    review = next((one for one in (given.verdict or {}).get("findings", ()) if one["id"] == REVIEW), None)
+    review = next((finding for finding in (given.verdict or {}).get("findings", ()) if finding["id"] == REVIEW), None)
     if review is None:
         return Typed()
     measured = review["measured"] or {}

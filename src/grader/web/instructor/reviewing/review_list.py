@@ -122,7 +122,7 @@ def show(
     if looked_up:
         with services.database.write() as session:
             record(session, who, who.course, Action.LOOKED_UP, chosen.user)
-    quizzes = [describe_quiz(desk.library, one) for one in desk.library.quizzes.values() if one.questions]
+    quizzes = [describe_quiz(desk.library, quiz) for quiz in desk.library.quizzes.values() if quiz.questions]
     following = rows[ROWS - 1].id if len(rows) > ROWS else None
     shown: dict[str, Any] = {"quizzes": quizzes, "lists": LISTS, "chosen": chosen, "following": following}
     return page(request, "review.html", who=who, rows=rows[:ROWS], said=said, last=last, **shown)
@@ -137,13 +137,13 @@ def list_rows(desk: Desk, session: Session, who: Identity, chosen: Chosen, after
     marks = marks_in(session, who.course)
     rows = [
         make_row(
-            one,
-            seen.verdicts.get(one.id),
-            name_learner(one, names, marks),
+            submission,
+            seen.verdicts.get(submission.id),
+            name_learner(submission, names, marks),
             titles,
-            name_holder(claims.get(one.id), who),
+            name_holder(claims.get(submission.id), who),
         )
-        for one in found
+        for submission in found
     ]
     return rows, looked_up
 

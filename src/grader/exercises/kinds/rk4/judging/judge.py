@@ -307,7 +307,7 @@ def describe_wrong_order(order: OrderOutcome) -> str:
     if order.ignores_timestep:
         return "The state after each step is the same at every timestep: use model.opt.timestep, not a fixed number."
     if order.other_timestep is not None:
-        asked_ms, taken_ms = (1e3 * one for one in order.other_timestep)
+        asked_ms, taken_ms = (1e3 * value for value in order.other_timestep)
         return (
             f"At a timestep of {asked_ms:g} ms your step advances data.time by {taken_ms:.4g} ms, although it is right "
             "at other timesteps: use model.opt.timestep as it is, without rounding."

@@ -95,7 +95,7 @@ def list_rules() -> Iterator[tuple[str, TurnRule]]:
 
 RULES = tuple(list_rules())
 
-assert {name for _, change in MISTAKES for name in change} <= {one.name for one in fields(TurnRule)}
+assert {name for _, change in MISTAKES for name in change} <= {field.name for field in fields(TurnRule)}
 
 
 def explain_turns(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:

@@ -170,7 +170,7 @@ def explain_other_data(reading: Reading) -> str | None:
     if reading.calls < 2 or all(np.array_equal(step.qpos[0], steps[0].qpos[0]) for step in steps):
         return None
     asked = [np.hstack([step.qpos[row], step.qvel[row]]) for step in steps for row in range(1, step.calls + 1)]
-    if any(not np.array_equal(one, asked[0]) for one in asked):
+    if any(not np.array_equal(array, asked[0]) for array in asked):
         return None
     return (
         "Every call of mj_forward finds the same state, wherever your step begins: you pass it another data than that "

@@ -133,7 +133,7 @@ def describe_two_tableaus(positions: Matrix, velocities: Matrix) -> str:
         *list_mistakes(only_positions, "position"),
         *list_mistakes(only_velocities, "velocity"),
     ]
-    return join_mistakes([sentence for _, sentence in sorted(mistakes, key=lambda one: one[0])])
+    return join_mistakes([sentence for _, sentence in sorted(mistakes, key=lambda mistake: mistake[0])])
 
 
 def list_mistakes(rows: Matrix, what: str) -> Iterator[tuple[int, str]]:

@@ -163,7 +163,11 @@ def judge_none(parameters: Search, cell: Cell, claim: NoLimit) -> Judgement[Clai
     if has_limit(cell.scene, cell.integrator.code, longest, seconds):
         return Judgement(False, f"None was returned, but some timestep up to {1000 * longest:g} ms is unstable.", claim)
     others = (BY_NAME[name] for name in parameters.integrators if name != cell.integrator.name)
-    needs = [f"{cell.case}.{one.name}" for one in others if has_limit(cell.scene, one.code, longest, seconds)]
+    needs = [
+        f"{cell.case}.{integrator.name}"
+        for integrator in others
+        if has_limit(cell.scene, integrator.code, longest, seconds)
+    ]
     return Judgement(
         True,
         "Certified by simulating at the longest timestep, which is stable.",

@@ -65,7 +65,7 @@ def describe(problem: Problem) -> dict[str, Any]:
 def judge(inputs: Mapping[str, Any], problem: Mapping[str, Any], results: Results) -> Judgement[Any]:
     """Compares the results of every call."""
     posed = DescribedProblem(
-        DescribedFunction(tuple(DescribedResult(**one) for one in problem["results"])),
+        DescribedFunction(tuple(DescribedResult(**result) for result in problem["results"])),
         tuple(Call(tuple(call["arguments"]), call["start"]) for call in inputs["calls"]),
         tuple(tuple(np.array(right, dtype=np.float64) for right in one) for one in problem["expected"]),
     )

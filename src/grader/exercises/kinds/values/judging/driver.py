@@ -149,16 +149,22 @@ def call_function(
     returned: object = None
     for _ in range(times):
         arguments = [
-            objects[one] if isinstance(one, str) else np.array(one, dtype=np.float64) if isinstance(one, list) else one
-            for one in call["arguments"]
+            objects[argument]
+            if isinstance(argument, str)
+            else np.array(argument, dtype=np.float64)
+            if isinstance(argument, list)
+            else argument
+            for argument in call["arguments"]
         ]
         returned = function(*arguments)
-    parts = separate(returned, [str(one["name"]) for one in results if one["field"] is None])
+    parts = separate(returned, [str(result["name"]) for result in results if result["field"] is None])
     if parts is None:
         return show(returned)[:TEXT_CHARS_MAX]
     values = iter(parts)
-    found = [to_numbers(next(values) if one["field"] is None else getattr(data, one["field"])) for one in results]
-    whole = [one for one in found if one is not None]
+    found = [
+        to_numbers(next(values) if result["field"] is None else getattr(data, result["field"])) for result in results
+    ]
+    whole = [array for array in found if array is not None]
     return whole if len(whole) == len(found) else show(returned)[:TEXT_CHARS_MAX]
 
 

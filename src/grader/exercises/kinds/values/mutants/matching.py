@@ -120,7 +120,7 @@ def run_edits(
     inputs = {
         "source": source, "entry": problem.name, "results": problem.results, "kinds": [*kinds], "lines_max": LINES_MAX,
         "shapes": [list(shape) for shape in shapes],
-        "calls": [one.comparison.call.inputs() | {"model": one.problem.xml} for one in calls],
+        "calls": [call.comparison.call.inputs() | {"model": call.problem.xml} for call in calls],
     }  # fmt: skip
     report = run(Job("", DRIVER, inputs, LIMITS, codes=compile_codes()))
     if report.status is not RunStatus.RETURNED:
@@ -138,7 +138,7 @@ def run_edits(
 
 def list_values(calls: Sequence[StudentCall]) -> list[Rows]:
     """Returns the student's results of some calls."""
-    return [value for one in calls for value in one.comparison.answer.values or ()]
+    return [value for call in calls for value in call.comparison.answer.values or ()]
 
 
 def is_same_row(row: Rows, values: Sequence[Rows]) -> bool:
@@ -158,7 +158,7 @@ def name_edit(calls: Sequence[StudentCall], source: str, run: RunJob) -> Mistake
     line of the student's program whose edit of the same kind mends the visible ones; else the edit of the student's
     program that does. None if no edit does. Raises JailFault."""
     found = find_shown_edit(calls, run)
-    visible = [one for one in calls if not one.hidden]
+    visible = [call for call in calls if not call.hidden]
     repair = find_repair(visible, source, run, ALIKE.get(found, [found]) if found else [])
     if found:
         return Mistake(
@@ -166,7 +166,7 @@ def name_edit(calls: Sequence[StudentCall], source: str, run: RunJob) -> Mistake
         )
     if repair is None:
         return None
-    why = next(one.comparison.why for one in visible if one.comparison.why)
+    why = next(call.comparison.why for call in visible if call.comparison.why)
     return Mistake(
         f"{why} One small change in line {repair.line} of your script mends every visible case: look there for "
         f"{REPAIRS[repair.kind]}.",
@@ -177,55 +177,55 @@ def name_edit(calls: Sequence[StudentCall], source: str, run: RunJob) -> Mistake
 def find_shown_edit(calls: Sequence[StudentCall], run: RunJob) -> str | None:
     """Returns the kind of the edit of the author's program that gives the student's results in every call; None if none
     does, or results cannot be compared. Raises JailFault."""
-    chosen = sorted(calls, key=lambda one: not one.comparison.why)[:CALLS_MAX]
-    if any(one.comparison.answer.values is None or one.comparison.expected is None for one in chosen):
+    chosen = sorted(calls, key=lambda call: not call.comparison.why)[:CALLS_MAX]
+    if any(call.comparison.answer.values is None or call.comparison.expected is None for call in chosen):
         return None
     values = list_values(chosen)
     shapes = [value.shape for value in values]
     if shapes != list_expected_shapes(chosen) or sum(value.size for value in values) > NUMBERS_MAX:
         return None
     edited = run_edits(chosen[0].problem.text, chosen, shapes, run)
-    return next((one.kind for one in edited if is_same_row(one.row, values)), None)
+    return next((edit.kind for edit in edited if is_same_row(edit.row, values)), None)
 
 
 def list_expected_shapes(calls: Sequence[StudentCall]) -> list[tuple[int, ...]]:
     """Returns the shapes of the right results."""
-    return [right.shape for one in calls for right in one.comparison.expected or ()]
+    return [right.shape for call in calls for right in call.comparison.expected or ()]
 
 
 def find_repair(visible: Sequence[StudentCall], source: str, run: RunJob, kinds: Sequence[str]) -> Edited | None:
     """Returns the edit of the student's program that makes every visible call right; None if none does, or edits of one
     kind in several lines. Hidden calls are left out: which edit is told could tell their numbers. Raises JailFault."""
-    chosen = sorted(visible, key=lambda one: not one.comparison.why)[:CALLS_MAX]
+    chosen = sorted(visible, key=lambda call: not call.comparison.why)[:CALLS_MAX]
     if not source or not chosen or not chosen[0].comparison.why:
         return None
     shapes = [
         shape or () if right is None else right.shape
-        for one in chosen
+        for call in chosen
         for shape, right in zip(
-            one.problem.list_shapes(one.comparison.call),
-            one.comparison.expected or [None] * len(one.problem.results),
+            call.problem.list_shapes(call.comparison.call),
+            call.comparison.expected or [None] * len(call.problem.results),
             strict=True,
         )
     ]
-    mending = [one for one in run_edits(source, chosen, shapes, run, kinds) if is_right(one.row, chosen, shapes)]
+    mending = [edit for edit in run_edits(source, chosen, shapes, run, kinds) if is_right(edit.row, chosen, shapes)]
     order = list(dict.fromkeys([*kinds, *MISTAKES]))  # of what mends alike, that which is most likely meant
-    first = min((one.kind for one in mending), key=order.index, default="")
-    likely = [one for one in mending if one.kind == first]
-    return likely[0] if len({one.line for one in likely}) == 1 else None
+    first = min((edit.kind for edit in mending), key=order.index, default="")
+    likely = [edit for edit in mending if edit.kind == first]
+    return likely[0] if len({edit.line for edit in likely}) == 1 else None
 
 
 def is_right(row: Rows, calls: Sequence[StudentCall], shapes: Sequence[tuple[int, ...]]) -> bool:
     """Whether a row holds right results of every call."""
     parts = np.split(row, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1])
     values = [part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
-    for one in calls:
-        count = len(one.problem.results)
+    for call in calls:
+        count = len(call.problem.results)
         mine, values = values[:count], values[count:]
-        compared = one.comparison
+        compared = call.comparison
         if compared.expected is None:
-            if compare_residual(one.problem, compared.call, compared.answer, tuple(mine)).why:
+            if compare_residual(call.problem, compared.call, compared.answer, tuple(mine)).why:
                 return False
-        elif not all(map(fits, one.problem.function.results, mine, compared.expected)):
+        elif not all(map(fits, call.problem.function.results, mine, compared.expected)):
             return False
     return True
