@@ -155,7 +155,9 @@ def marks_of(item: pytest.Function) -> set[str]:
     fixtures = (one.func for several in item._fixtureinfo.name2fixturedefs.values() for one in several)
     named = all_uses((item.function, *fixtures))
     parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
-    found = {MARKS[name] for name in named & MARKS.keys()} | {"postgres" for one in parameters if one == "postgresql"}
+    found = {MARKS[name] for name in named & MARKS.keys()} | {
+        "postgres" for parameter in parameters if parameter == "postgresql"
+    }
     return found | ({"slow"} if is_hypothesis_test(item.function) else set())
 
 

@@ -84,7 +84,7 @@ def pack_evenly(sdist: Path) -> bytes:
         gzip.GzipFile(fileobj=packed, mode="wb", filename="", mtime=commit_time()) as whole,
         tarfile.open(fileobj=whole, mode="w", format=tarfile.PAX_FORMAT) as new,
     ):
-        for member in sorted(old.getmembers(), key=lambda one: one.name):
+        for member in sorted(old.getmembers(), key=lambda getmember: getmember.name):
             member.mtime, member.uid, member.gid, member.uname, member.gname = commit_time(), 0, 0, "", ""
             member.mode = 0o755 if member.isdir() or member.mode & 0o100 else 0o644
             member.pax_headers = {}

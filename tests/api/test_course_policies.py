@@ -58,7 +58,7 @@ def shared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     folder = tmp_path_factory.mktemp("ruled")
     content = write_content(folder / "content")
     lesson = json.loads((ROOT / "quizzes" / "1.3-exercises.json").read_text())
-    script = next(one for one in lesson["questions"] if one["id"] == "rk4-step")
+    script = next(question for question in lesson["questions"] if question["id"] == "rk4-step")
     script.pop("starter", None)
     quiz = {**RULED, "questions": [*RULED["questions"], script]}
     (content / "quizzes" / "7.1-ruled.json").write_text(json.dumps(quiz))
@@ -192,8 +192,10 @@ def test_a_policy_is_shown_with_where_each_value_comes_from(site: Site, teacher:
     assert teacher.get(f"{API}/quizzes/7.1-ruled/policy").headers["ETag"] == before.headers["ETag"]
     unnamed = teacher.put(f"{API}/quizzes/7.1-ruled/policy", json={})
     assert unnamed.status_code == 428
-    entries = [one for one in teacher.get(f"{API}/audit").json()["items"] if one["action"] == "dates and rules changed"]
-    assert [(one["subject"], one["name"], one["detail"]["after"]) for one in entries] == [
+    entries = [
+        item for item in teacher.get(f"{API}/audit").json()["items"] if item["action"] == "dates and rules changed"
+    ]
+    assert [(entry["subject"], entry["name"], entry["detail"]["after"]) for entry in entries] == [
         ("7.1-ruled", "tina", {}), ("7.1-ruled", "tina", shown["changes"])
     ]  # fmt: skip
 

@@ -167,7 +167,7 @@ def test_a_member_who_became_an_instructor_meanwhile_gives_no_token(site: Site) 
     codes = begin(device)
     decide(ada, codes["user_code"])
     tina = site.client("tina", "instructor")
-    member = next(one["id"] for one in tina.get(f"{API}/members").json()["items"] if one["name"] == "ada")
+    member = next(item["id"] for item in tina.get(f"{API}/members").json()["items"] if item["name"] == "ada")
     assert tina.patch(f"{API}/members/{member}", json={"role": "instructor"}).status_code == 200
     assert refusal(device, codes) == "access_denied"
 
@@ -202,7 +202,7 @@ def test_a_token_of_a_device_ends_after_thirty_days_and_instructors_see_it(site:
     tina = open_browser(site, "tina", Role.INSTRUCTOR)
     token = token_of(site.anonymous(), open_browser(site, "ada"))
     assert token["expires_in"] == 30 * 24 * 3600
-    (row,) = [one for one in tina.get(f"{API}/tokens").json()["items"] if one["label"] == NAME]
+    (row,) = [item for item in tina.get(f"{API}/tokens").json()["items"] if item["label"] == NAME]
     assert (row["name"], row["scopes"]) == ("ada", ["answer", "read"])
     with database_of(site).write() as session:
         session.execute(update(Credential).values(expires_at=now()).where(Credential.id == row["id"]))

@@ -95,12 +95,12 @@ def test_nothing_tells_who_an_erased_learner_was(term: Site, tmp_path: Path) -> 
             assert not any(trace.encode() in content for content in files)
     tina = term.client("tina", "instructor")
     seen = {one: tina.get(f"{API}/submissions/{one}").json() for one in (*ids, *bobs)}
-    assert {(seen[one]["user"], seen[one]["answer"]) for one in ids} == {(name, None)}
+    assert {(seen[id_]["user"], seen[id_]["answer"]) for id_ in ids} == {(name, None)}
     assert seen[bobs[3]]["answer"] == f"{STORY} Bob"
     assert seen[bobs[3]]["verdict"]["findings"][0]["message"] == "Dear Bob, well done."
-    assert [one["id"] for one in tina.get(f"{API}/reviews").json()["items"]] == [bobs[4]]
+    assert [item["id"] for item in tina.get(f"{API}/reviews").json()["items"]] == [bobs[4]]
     assert ada.get(f"{API}/quizzes").status_code == 401
-    assert {one["name"] for one in tina.get(f"{API}/members").json()["items"]} == {"Bob", "tina"}
+    assert {item["name"] for item in tina.get(f"{API}/members").json()["items"]} == {"Bob", "tina"}
 
 
 def test_statistics_gradebook_and_feed_go_on(term: Site) -> None:
@@ -116,7 +116,7 @@ def test_statistics_gradebook_and_feed_go_on(term: Site) -> None:
     assert {line.split(",", 1)[1] for line in again.text.splitlines() if line.startswith(name)} == points != set()
     assert "TELLTALE" not in again.text
     told = lms.get(f"{API}/results", params={"cursor": feed["next_cursor"]}).json()["items"]
-    last = {one["question"]: one for one in feed["items"] if one["user"] == ADA}
+    last = {item["question"]: item for item in feed["items"] if item["user"] == ADA}
     assert {one["question"]: one["points"] for one in told} == {key: one["points"] for key, one in last.items()}
     assert all(one["revision"] == last[one["question"]]["revision"] + 1 for one in told)
     assert {one["user"] for one in told} == {name}
@@ -142,7 +142,7 @@ def test_a_learner_who_chose_the_name_is_found_by_id_and_namesakes_stay(term: Si
     name = run("erase", "--id", other)
     changed = [one for one, old in zip(tina.get(f"{API}/audit").json()["items"][1:], audit, strict=True) if one != old]
     assert [(one["action"], one["name"], one["subject"]) for one in changed] == [("joined", name, name)]
-    assert "Bob" in {one["name"] for one in tina.get(f"{API}/members").json()["items"]}
+    assert "Bob" in {item["name"] for item in tina.get(f"{API}/members").json()["items"]}
 
 
 def test_an_answer_that_is_being_graded_is_waited_for(term: Site) -> None:

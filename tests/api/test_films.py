@@ -38,7 +38,7 @@ def write_quizzes(folder: Path) -> Path:
     shutil.copytree(ROOT / "models", folder / "models")
     lesson = json.loads((ROOT / "quizzes/1.3-exercises.json").read_text(encoding="utf-8"))
     for name, (policy, more) in QUIZZES.items():
-        questions = [{**one, **more} for one in lesson["questions"] if one["id"] in SCRIPTS]
+        questions = [{**question, **more} for question in lesson["questions"] if question["id"] in SCRIPTS]
         for one in questions:
             one.pop("starter", None)
             one["check"] = {**one["check"], "cases": one["check"]["cases"][:2]}

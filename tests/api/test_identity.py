@@ -75,7 +75,7 @@ def test_two_tokens_of_one_name_are_one_learner(either_site: Site) -> None:
 def test_a_learner_has_128_random_bits(site: Site) -> None:
     ids = [signed_in_as(site, "ada").post(f"{API}/submissions", json=ANSWER).json()["learner"] for _ in range(3)]
     assert len(set(ids)) == 3
-    assert all(re.fullmatch(r"[0-9a-f]{32}", one) for one in ids)
+    assert all(re.fullmatch(r"[0-9a-f]{32}", id_) for id_ in ids)
 
 
 @pytest.mark.slow

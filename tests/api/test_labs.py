@@ -222,7 +222,9 @@ def test_a_run_is_refused_when_its_turn_comes_after_the_budget_is_spent_and_the_
         await asyncio.sleep(0)
         shared = asyncio.create_task(runs.get(BOB, "d", partial(make, "d")))
         outcomes = await asyncio.gather(*mine, return_exceptions=True)
-        assert [isinstance(one, TooManyRequests) for one in outcomes] == [False] * THREADS + [True] * (4 - THREADS)
+        assert [isinstance(outcome, TooManyRequests) for outcome in outcomes] == [False] * THREADS + [True] * (
+            4 - THREADS
+        )
         assert await shared == b"x"
 
     asyncio.run(ask())
@@ -291,7 +293,13 @@ def test_one_scene_under_all_integrators(teacher: httpx.Client) -> None:
     target = {"quiz": "small", "lab": "five"}
     run = teacher.post(RUN, json={**target, "controls": {"timestep": 0.005}}).json()
     assert run["timestep"] == 0.005
-    assert [one["name"] for one in run["integrators"]] == ["Euler", "RK4", "implicit", "implicitfast", "discrete"]
+    assert [integrator["name"] for integrator in run["integrators"]] == [
+        "Euler",
+        "RK4",
+        "implicit",
+        "implicitfast",
+        "discrete",
+    ]
     assert teacher.post(RUN, json={**target, "controls": {"key": ""}}).json()["energy"] != run["energy"]
     for controls in (
         {"timestep": 10},

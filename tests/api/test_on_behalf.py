@@ -79,7 +79,7 @@ def test_a_name_that_is_told_replaces_the_earlier_one(either_site: Site, lms: ht
         hand_in(lms, "q1", 0, {**ADA, **more}).json()["user"] for more in ({}, {"name": "Ada"}, {}, {"name": "A. L."})
     ]
     assert names == ["school:s1815", "Ada", "Ada", "A. L."]
-    assert [one["name"] for one in members(either_site)] == ["A. L."]
+    assert [member["name"] for member in members(either_site)] == ["A. L."]
 
 
 def test_the_same_key_and_body_make_one_submission_and_another_body_422(lms: httpx.Client) -> None:
@@ -194,7 +194,7 @@ def test_requests_count_for_each_learner_and_those_that_name_none_for_the_servic
 def test_a_revoked_token_hands_in_nothing(site: Site) -> None:
     lms, tina = site.client("lms", "service"), site.client("tina", "instructor")
     assert hand_in(lms, "q1", 0).status_code == 201
-    [token] = [one["id"] for one in tina.get(f"{API}/tokens").json()["items"] if one["name"] == "lms"]
+    [token] = [item["id"] for item in tina.get(f"{API}/tokens").json()["items"] if item["name"] == "lms"]
     tina.delete(f"{API}/tokens/{token}")
     assert hand_in(lms, "q1", 0).status_code == 401
     assert hand_in(lms, "none", 0).status_code == 401

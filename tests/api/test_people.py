@@ -195,7 +195,7 @@ def test_members_come_in_pages(either_site: Site, teacher: httpx.Client) -> None
     path: str | None = f"{API}/members?limit=3"
     while path is not None:
         page = teacher.get(path)
-        seen += [one["name"] for one in page.json()["items"]]
+        seen += [item["name"] for item in page.json()["items"]]
         following = page.links.get("next")
         path = None if following is None else following["url"]
     assert sorted(seen) == [*(f"learner {number}" for number in range(7)), "tina"]

@@ -205,7 +205,7 @@ def test_every_route_of_the_api_is_described_with_its_refusals(nobody: httpx.Cli
         for operation in operations.values():
             refusals = {status: one for status, one in operation["responses"].items() if status >= "400"}
             assert path in ("/healthz", "/readyz") or "401" in refusals
-            assert all(list(one["content"]) == ["application/problem+json"] for one in refusals.values())
+            assert all(list(refusal["content"]) == ["application/problem+json"] for refusal in refusals.values())
 
 
 def test_a_body_of_many_errors_lists_the_first_twenty(site: Site) -> None:

@@ -158,7 +158,7 @@ def test_statistics_count_options_wrong_numbers_and_mistakes(either_site: Site) 
     assert (found["learners"], first["question"], second["question"]) == (4, "q1", "q2")
     assert (first["difficulty"]["value"], first["right_at_once"]["value"]) == (1.0, 0.25)
     assert first["options"] == [{"option": n, "learners": k} for n, k in ((0, 2), (1, 1), (2, 1))]
-    assert [(one["value"], one["learners"]) for one in second["clusters"]] == [(5000.0, 2)]
+    assert [(cluster["value"], cluster["learners"]) for cluster in second["clusters"]] == [(5000.0, 2)]
     assert second["mistakes"][0]["learners"] == 2
     assert second["difficulty"]["n"] == 4
 

@@ -63,7 +63,7 @@ def browser_of(site: Site, name: str, role: str) -> httpx.Client:
 
 
 def people(client: httpx.Client) -> dict[str, dict[str, Any]]:
-    return {one["name"]: one for one in client.get(f"{API}/members").json()["items"]}
+    return {item["name"]: item for item in client.get(f"{API}/members").json()["items"]}
 
 
 def invite(client: httpx.Client, **body: Any) -> httpx.Response:
@@ -83,7 +83,7 @@ def assignments(tree: ast.AST) -> Iterator[str]:
         if isinstance(function, ast.FunctionDef):
             for node in ast.walk(function):
                 targets = node.targets if isinstance(node, ast.Assign) else ()
-                if any(isinstance(one, ast.Attribute) and one.attr == "role" for one in targets):
+                if any(isinstance(target, ast.Attribute) and target.attr == "role" for target in targets):
                     yield function.name
 
 
@@ -107,7 +107,7 @@ def test_whoever_loses_a_role_loses_everything_at_once(either_site: Site, tina: 
     assert token.get(f"{API}/members").status_code == 401
     assert redeem(either_site, link).status_code == 401
     assert "spy" not in people(tina)
-    assert [one["name"] for one in tina.get(f"{API}/tokens").json()["items"]] == ["tina"]
+    assert [item["name"] for item in tina.get(f"{API}/tokens").json()["items"]] == ["tina"]
 
 
 @pytest.mark.parametrize("changed", ["role", "removed_at"])
@@ -155,7 +155,7 @@ def test_a_restricted_token_touches_nobody_but_students(
     either_site.client("lms", "service")
     known = people(tina)
     pending = invite(tina, names=["tom"], role="instructor").json()["items"][0]["id"]
-    tokens = {one["name"]: one["id"] for one in tina.get(f"{API}/tokens").json()["items"]}
+    tokens = {item["name"]: item["id"] for item in tina.get(f"{API}/tokens").json()["items"]}
     scopes = {"scopes": ["people"]}
     for method, path, body in [
         ("POST", "/invitations", {"names": ["x"], "role": "instructor"}),
@@ -173,7 +173,7 @@ def test_a_restricted_token_touches_nobody_but_students(
     ]:
         assert robot.request(method, API + path, json=body).status_code == 403, (method, path, body)
     assert people(tina).keys() == known.keys() | {"tom"}
-    assert {one["name"] for one in tina.get(f"{API}/tokens").json()["items"]} == tokens.keys()
+    assert {item["name"] for item in tina.get(f"{API}/tokens").json()["items"]} == tokens.keys()
     [ada] = invite(robot, names=["ada"]).json()["items"]
     assert robot.delete(f"{API}/invitations/{ada['id']}").status_code == 204
     assert robot.delete(f"{API}/members/{ada['member']}").status_code == 204
@@ -301,7 +301,7 @@ def test_a_revoked_service_makes_no_member(either_site: Site, tina: httpx.Client
     lms = either_site.client("lms", "service")
     body = {**ANSWER, "learner": {"namespace": "school", "id": "s1", "name": "Ada"}}
     assert lms.post(f"{API}/lms/submissions", json=body).status_code == 201
-    [token] = [one["id"] for one in tina.get(f"{API}/tokens").json()["items"] if one["name"] == "lms"]
+    [token] = [item["id"] for item in tina.get(f"{API}/tokens").json()["items"] if item["name"] == "lms"]
     assert tina.delete(f"{API}/tokens/{token}").status_code == 204
     for learner in ({"id": "s2", "name": "Bob"}, {"id": "s1", "name": "Renamed"}):
         body["learner"] = {"namespace": "school", **learner}

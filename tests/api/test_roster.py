@@ -34,7 +34,7 @@ def send(client: httpx.Client, text: str | bytes, kind: str = "text/csv", **quer
 
 
 def members(client: httpx.Client) -> dict[str, dict[str, Any]]:
-    return {one["name"]: one for one in client.get(f"{API}/members").json()["items"]}
+    return {item["name"]: item for item in client.get(f"{API}/members").json()["items"]}
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_a_roster_makes_members_and_the_same_again_changes_nothing(tina: httpx.C
     changed = ROSTER.replace("Bob,,student", "Bob B.,bob@school.example,instructor")
     assert send(tina, changed).json() == {**COUNTS, "changed": 1, "unchanged": 3}
     assert members(tina)["Bob B."]["id"] == found["Bob"]["id"]
-    actions = [(one["action"], one["detail"]) for one in tina.get(f"{API}/audit").json()["items"]]
+    actions = [(item["action"], item["detail"]) for item in tina.get(f"{API}/audit").json()["items"]]
     assert ("roster imported", {**COUNTS, "changed": 1, "unchanged": 3}) in actions
     assert "ada@school.example" not in str(actions)
 
@@ -147,7 +147,7 @@ def test_a_changed_role_ends_sessions_and_nobody_changes_their_own(site: Site) -
     send(tina, ROSTER)
     link = tina.post(f"{API}/invitations", json={"member": members(tina)["Bob"]["id"]}).json()["items"][0]
     send(tina, ROSTER.replace("Bob,,student", "Bob,,instructor"))
-    assert link["id"] not in [one["id"] for one in tina.get(f"{API}/invitations").json()["items"]]
+    assert link["id"] not in [item["id"] for item in tina.get(f"{API}/invitations").json()["items"]]
     refused = send(tina, "name,role\ntina,student\n")
     assert (refused.status_code, refused.json()["faults"][0]["key"]) == (422, "line 2, role")
 

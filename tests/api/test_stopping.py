@@ -147,7 +147,7 @@ def test_of_two_who_stop_at_once_one_is_refused(site: Site) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    refused, stopped = sorted(answers, key=lambda one: -one.status_code)
+    refused, stopped = sorted(answers, key=lambda answer: -answer.status_code)
     assert (refused.status_code, refused.json()["detail"]) == (409, TOO_LATE)
     assert_stopped(stopped)
 

@@ -74,20 +74,22 @@ def test_a_course_is_made_entered_and_left_again(either_site: Site) -> None:
     answered = enter(tina, robots)
     assert (answered.status_code, answered.headers["location"]) == (303, "/instructor")
     assert current(tina) == robots
-    assert [one["name"] for one in tina.get(f"{API}/members").json()["items"]] == ["tina"]
+    assert [item["name"] for item in tina.get(f"{API}/members").json()["items"]] == ["tina"]
     assert tina.post(f"{API}/invitations", json={"names": ["bob"]}).status_code == 201
     assert tina.get(f"{API}/quizzes").json()["items"][0]["id"] == "small"
     assert ann.get(f"{API}/quizzes").status_code == 200
-    listed = {one["course"]: one for one in tina.get(f"{API}/courses").json()["items"]}
+    listed = {item["course"]: item for item in tina.get(f"{API}/courses").json()["items"]}
     assert (listed[robots]["learners"], listed[robots]["is_current"], listed[welders]["is_current"]) == (1, True, False)
     enter(tina, welders)
     assert current(tina) == welders
     enter(tina, DEFAULT_COURSE)
     assert current(tina) == DEFAULT_COURSE
     entries = tina.get(f"{API}/audit").json()["items"]
-    assert [robots, welders] == [one["subject"] for one in reversed(entries) if one["action"] == "course made"][-2:]
+    assert [robots, welders] == [entry["subject"] for entry in reversed(entries) if entry["action"] == "course made"][
+        -2:
+    ]
     enter(tina, robots)
-    told = [(one["action"], one["name"]) for one in tina.get(f"{API}/audit").json()["items"]]
+    told = [(item["action"], item["name"]) for item in tina.get(f"{API}/audit").json()["items"]]
     assert told[::-1] == [("course made", "tina"), ("signed in", "tina"), ("invited", "tina"), ("signed in", "tina")]
 
 
@@ -129,16 +131,16 @@ def test_no_way_leads_from_a_course_to_the_home_of_its_instructor(either_site: S
     invitation = tina.post(f"{API}/invitations", json={"names": ["eve"], "role": "instructor"}).json()["items"][0]
     eve = either_site.anonymous(OURS)
     assert sign_in_with(eve, invitation["url"]).status_code == 303
-    member = next(one["id"] for one in eve.get(f"{API}/members").json()["items"] if one["name"] == "tina")
+    member = next(item["id"] for item in eve.get(f"{API}/members").json()["items"] if item["name"] == "tina")
     forged = eve.post(f"{API}/invitations", json={"member": member}).json()["items"][0]
     thief = either_site.anonymous(OURS)
     assert sign_in_with(thief, forged["url"]).status_code == 303
     assert current(thief) == robots
     assert taught(thief) == {robots: ""}
     home = next(
-        one["id"]
-        for one in open_browser(either_site, "otto").get(f"{API}/members", params={"limit": 100}).json()["items"]
-        if one["name"] == "tina"
+        item["id"]
+        for item in open_browser(either_site, "otto").get(f"{API}/members", params={"limit": 100}).json()["items"]
+        if item["name"] == "tina"
     )
     assert thief.post(f"{PAGE}/{home}/enter").status_code == 404
     assert eve.post(f"{PAGE}/{member}/enter").status_code == 404
@@ -177,7 +179,7 @@ def test_the_api_makes_a_course_and_a_link_to_it(either_site: Site) -> None:
     made = tina.post(f"{API}/courses", json={"name": name})
     assert made.status_code == 201
     assert made.json()["course"] == name
-    assert name in [one["course"] for one in tina.get(f"{API}/courses").json()["items"]]
+    assert name in [item["course"] for item in tina.get(f"{API}/courses").json()["items"]]
     browser = either_site.anonymous(OURS)
     assert sign_in_with(browser, made.json()["url"]).status_code == 303
     assert current(browser) == name

@@ -102,7 +102,7 @@ def a_named_learner(site: Site, tina: httpx.Client) -> Learner:
     known = {"namespace": "telltalesystem"}
     done = tina.post(f"{API}/roster:import", params=known, content=roster, headers={"Content-Type": "text/csv"})
     assert done.json()["created"] == 1, done.text
-    [member] = [one["id"] for one in tina.get(f"{API}/members").json()["items"] if one["name"] != "tina"]
+    [member] = [item["id"] for item in tina.get(f"{API}/members").json()["items"] if item["name"] != "tina"]
     [link] = tina.post(f"{API}/invitations", json={"member": member}).json()["items"]
     browser = browser_of(site)
     assert browser.post("/signin", data={"code": link["url"].partition("code=")[2]}).status_code == 303
@@ -136,7 +136,7 @@ def an_unnamed_learner(site: Site, tina: httpx.Client) -> Learner:
     browser = browser_of(site)
     data = {"code": url.partition("code=")[2], "name": "Eve Telltalejoined"}
     assert browser.post("/join", data=data).status_code == 303
-    [member] = [one["id"] for one in tina.get(f"{API}/members").json()["items"] if one["name"].startswith("Eve")]
+    [member] = [item["id"] for item in tina.get(f"{API}/members").json()["items"] if item["name"].startswith("Eve")]
     return Learner(browser, member)
 
 
@@ -269,7 +269,7 @@ def test_an_export_reads_well(site: Site, tmp_path: Path, monkeypatch: pytest.Mo
         assert packed.read(submission["script"]).decode() == SCRIPTS["import"]
     assert held["member"]["name"] == "ada"
     assert submission["verdicts"][0]["body"]["status"] == "crashed"
-    assert [one["name"] for one in submission["events"]][-1] == "graded"
+    assert [event["name"] for event in submission["events"]][-1] == "graded"
     [token] = held["credentials"]
     assert token["kind"] == "grt"
     assert not {"secret_hash", "seed"} & {*token, *submission, *submission["verdicts"][0]}
@@ -285,7 +285,9 @@ def test_an_export_reads_well(site: Site, tmp_path: Path, monkeypatch: pytest.Mo
 def test_every_table_that_names_a_learner_is_exported() -> None:
     """A new table with such a column belongs to `holdings`, and to `erasure`."""
     named = {"learner", "member", "submission_id", "subject"}
-    tables = {one.class_ for one in Base.registry.mappers if named & {column.key for column in one.column_attrs}}
+    tables = {
+        mapper.class_ for mapper in Base.registry.mappers if named & {column.key for column in mapper.column_attrs}
+    }
     handled = {*holdings.OF_SUBMISSION.values(), *holdings.OF_LEARNER.values()}
     handled |= {Credential, LtiUser, AuditEntry, Submission}
     assert tables == handled

@@ -249,7 +249,7 @@ def test_a_limit_under_another_integrator_than_the_models_own_is_remarked_on() -
     question = {"id": "q", "kind": "numeric", "q": "?", "answer": 130.0, "tol": 50, "unit": "ms"}
     for more, remarks in ({}, 1), ({"integrator": "Euler"}, 0), ({"xml": spring.replace("implicitfast", "Euler")}, 0):
         certificate = certify(QUESTION.validate_python({**question, "verify": {**verify, **more}}))
-        assert sum("own integrator is implicitfast" in one for one in certificate.remarks) == remarks
+        assert sum("own integrator is implicitfast" in remark for remark in certificate.remarks) == remarks
 
 
 def test_a_key_of_another_model_than_the_one_shown_is_remarked_on() -> None:
@@ -264,7 +264,7 @@ def test_a_key_of_another_model_than_the_one_shown_is_remarked_on() -> None:
     for shown in ("pendulum", "double_pendulum"):
         sim = {"model": shown, "readouts": [{"label": "t", "expr": "data.time"}]}
         certificate = certify(QUESTION.validate_python({**question, "sim": sim}))
-        assert any("shows double_pendulum" in one for one in certificate.remarks) is (shown != "pendulum")
+        assert any("shows double_pendulum" in remark for remark in certificate.remarks) is (shown != "pendulum")
 
 
 @pytest.mark.parametrize("start", [{"qpos": [1.0]}, {"key": 0}, {"qvel": [1.0]}, {"qpos": [0.5], "qvel": [-1.0]}])

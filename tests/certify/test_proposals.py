@@ -319,7 +319,7 @@ def test_a_check_remarks_on_a_proposal_and_passes(tmp_path: Path, answer: float,
     assert not report.faults and not report.undecided and report.to_json()["ok"]
     (proposal,) = report.to_json()["proposals"]
     assert (proposal["quiz"], proposal["question"], proposal["holds"]) == ("8-q", "fast", holds)
-    remarks = {one.key: one.why for one in report.warnings}
+    remarks = {warning.key: warning.why for warning in report.warnings}
     assert proposal["paste"] in remarks["fast.verify"]
     assert ("The key holds" in remarks["fast.verify"]) is holds
     assert ("the simulation gives 2 m/s where the key says 3 m/s" in remarks["fast.verify"]) is not holds

@@ -29,9 +29,9 @@ def list_imports(path: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0
-            yield from [f"{node.module}.{one.name}" for one in node.names]
+            yield from [f"{node.module}.{name.name}" for name in node.names]
         elif isinstance(node, ast.Import):
-            yield from [one.name for one in node.names]
+            yield from [name.name for name in node.names]
 
 
 def is_shared(name: str) -> bool:

@@ -90,7 +90,10 @@ def test_a_command_is_built_without_the_others_and_any_other_argument_has_all() 
     every = get_group(cli).commands
     for name, command in every.items():
         found = get_group(find_commands([name, "--help"])).commands[name]
-        assert (found.help, [one.opts for one in found.params]) == (command.help, [one.opts for one in command.params])
+        assert (found.help, [param.opts for param in found.params]) == (
+            command.help,
+            [param.opts for param in command.params],
+        )
     assert get_group(find_commands(["grade", "1.3-check"])).commands.keys() == {"grade", "grade-notebook"}
     for arguments in ([], ["--help"], ["grad"], ["--version", "grade"]):
         assert get_group(find_commands(arguments)).commands.keys() == every.keys()

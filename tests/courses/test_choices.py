@@ -29,7 +29,7 @@ def test_a_wrong_choice_is_named_by_its_option(question: Question) -> None:
     wrong = name_mistake("incorrect", None)
     attempts = [attempt("a", wrong, 0), attempt("b", wrong, 0), attempt("c", wrong, 2), attempt("d", None, 1)]
     answers = name_choices(ClassAnswers((), {one.learner: [one] for one in attempts}), question)
-    assert [(one.name, one.learners) for one in answers.families] == [
+    assert [(family.name, family.learners) for family in answers.families] == [
         ("Chose: Velocity stage", 2),
         ("Chose: Constraint stage", 1),
     ]
@@ -39,4 +39,4 @@ def test_a_diagnosis_and_an_unknown_option_stay_as_they_are(question: Question) 
     told, other = name_mistake("incorrect", "You took the bound."), name_mistake("incorrect", None)
     attempts = [attempt("a", told, 0), attempt("b", other, 9), attempt("c", other)]
     answers = name_choices(ClassAnswers((), {one.learner: [one] for one in attempts}), question)
-    assert {one.name for one in answers.families} == {"You took the bound", "Another mistake"}
+    assert {family.name for family in answers.families} == {"You took the bound", "Another mistake"}

@@ -69,7 +69,9 @@ def test_still_is_the_newest_verdict_and_was_an_earlier_one() -> None:
         "bob": [("b1", bound), ("b2", short), ("b3", bound)],
         "cem": [("c1", short)],
     })  # fmt: skip
-    assert [(one.key, [m.learner for m in one.still], [m.learner for m in one.was]) for one in families] == [
+    assert [
+        (family.key, [m.learner for m in family.still], [m.learner for m in family.was]) for family in families
+    ] == [
         (bound.key, ["bob"], ["ann"]),
         (short.key, ["cem"], ["bob"]),
     ]

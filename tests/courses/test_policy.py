@@ -80,7 +80,7 @@ def policies(draw: st.DrawFn) -> Policy:
             "late": draw(st.none() | lates) if due else None,
             "counts": draw(st.sampled_from(COUNTS)),
             "feedback": draw(st.sampled_from(["immediate", "after_publish", *after_due])),
-            "solutions": draw(st.sampled_from([one for one in SOLUTIONS if due or one != "after_due"])),
+            "solutions": draw(st.sampled_from([solution for solution in SOLUTIONS if due or solution != "after_due"])),
         }
     )
 
@@ -104,7 +104,7 @@ def test_answers_are_taken_from_opens_to_due_both_included() -> None:
     policy = Policy(opens=DUE - DAY, due=DUE)
     second = timedelta(seconds=1)
     asked = [ask(policy, now=now) for now in (DUE - DAY - second, DUE - DAY, DUE, DUE + second)]
-    assert [one.may_answer for one in asked] == [False, True, True, False]
+    assert [decision.may_answer for decision in asked] == [False, True, True, False]
     assert asked[0].why_not == "This quiz opens on 9 Mar 2026, 18:00 UTC."
     assert asked[3].why_not == "This quiz closed on 10 Mar 2026, 18:00 UTC."
     assert asked[3].multiplier is None

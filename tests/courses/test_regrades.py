@@ -333,7 +333,7 @@ def test_a_scope_chooses(course: Course, scope: Scope, chosen: list[int]) -> Non
     regrade_id = course.start(scope, question="number")
     course.work()
     [item] = course.shown(regrade_id)["items"]
-    assert [one["submission_id"] for one in item["submissions"]] == [made[index] for index in chosen]
+    assert [submission["submission_id"] for submission in item["submissions"]] == [made[index] for index in chosen]
 
 
 def test_the_best_one_is_the_best_with_its_late_multiplier(course: Course) -> None:
@@ -342,7 +342,7 @@ def test_the_best_one_is_the_best_with_its_late_multiplier(course: Course) -> No
     late = course.hand_in("ann", 5, DUE + timedelta(days=1, hours=1))
     course.hand_in("ann", 5, DUE + timedelta(days=2, hours=1))
     [item] = course.regrade("best", dry_run=True)["items"]
-    assert [one["submission_id"] for one in item["submissions"]] == [late]
+    assert [submission["submission_id"] for submission in item["submissions"]] == [late]
 
 
 def test_submissions_may_be_named_and_must_be_of_the_course(course: Course) -> None:

@@ -232,11 +232,13 @@ class Learning(RuleBasedStateMachine):
     @rule(verdict=st.none() | verdicts)
     def hand_in(self, verdict: tuple[Status, int] | None) -> None:
         decision = self.access().decide(self.key.quiz, "q1")
-        used = sum(one.uses_attempt for one in self.attempts)
+        used = sum(attempt.uses_attempt for attempt in self.attempts)
         limit = 3 + self.extension.attempts if self.key.quiz.endswith("-late") else None
         assert decision.may_answer == (limit is None or used < limit)
         if decision.may_answer:
-            waits = any(one.status is None for one in self.attempts)  # scripts wait, and never with instant verdicts
+            waits = any(
+                attempt.status is None for attempt in self.attempts
+            )  # scripts wait, and never with instant verdicts
             judged = None if verdict is None or waits else self.judged(verdict)
             made = hand_in(self.database, self.library, self.key, judged)
             self.attempts.append(self.attempt(made, judged))
@@ -273,17 +275,17 @@ class Learning(RuleBasedStateMachine):
 
     @invariant()
     def the_result_is_what_the_policy_counts(self) -> None:
-        attempts = sorted(self.attempts, key=lambda one: one.id)
+        attempts = sorted(self.attempts, key=lambda attempt: attempt.id)
         expected = counted(attempts, self.library.quiz(self.key.quiz).default_policy, self.extension)
         result = the_result(self.database, self.key)
         if result is None:
             assert expected.sources == ()
             return
         assert (result.points, result.is_final) == (expected.points, expected.is_final)
-        decided = [one for one in attempts if one.uses_attempt and one.status is not None]
+        decided = [attempt for attempt in attempts if attempt.uses_attempt and attempt.status is not None]
         if decided:
             assert (result.first_status, result.first_value) == (decided[0].status, decided[0].points)
-        told = {f"{one.points:.0f} points" for one in decided if one.points % 2}
+        told = {f"{attempt.points:.0f} points" for attempt in decided if attempt.points % 2}
         assert json.loads(result.diagnoses) == sorted(told)
         if expected.sources:
             assert (result.submission_id, result.attempt) == (expected.sources[-1].id, expected.numbers[-1])
@@ -307,10 +309,10 @@ class Learning(RuleBasedStateMachine):
     @invariant()
     def decisions_depend_on_the_attempts_alone(self) -> None:
         progress = self.access().progress_at(self.key.quiz, "q1")
-        used = [one for one in self.attempts if one.uses_attempt]
+        used = [attempt for attempt in self.attempts if attempt.uses_attempt]
         assert progress.used == len(used)
-        assert progress.pending == sum(one.status is None for one in used)
-        assert progress.solved == any(one.status is Status.CORRECT for one in used)
+        assert progress.pending == sum(attempt.status is None for attempt in used)
+        assert progress.solved == any(attempt.status is Status.CORRECT for attempt in used)
 
 
 @pytest.mark.slow

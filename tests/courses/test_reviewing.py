@@ -176,8 +176,8 @@ class Reviewing(RuleBasedStateMachine):
 
     @rule(reviewer=reviewers, quiz=st.none() | quizzes, second=st.booleans())
     def claim_next(self, reviewer: str, quiz: str | None, second: bool) -> None:
-        waiting = [one for one in self.answers
-                   if self.waits_for(one, reviewer, second=second) and quiz in (None, one.quiz)]  # fmt: skip
+        waiting = [answer for answer in self.answers
+                   if self.waits_for(answer, reviewer, second=second) and quiz in (None, answer.quiz)]  # fmt: skip
         free = [one for one in waiting if self.holder(one) is None]
         own = [one for one in waiting if self.holder(one) == reviewer]
         expected = next(iter([*free, *own]), None)
@@ -291,7 +291,7 @@ class Reviewing(RuleBasedStateMachine):
                         self.desk, session, SubmissionFilter(self.course), who.id if second else None
                     )
                     found = stored.page(session, queue, None, 100, self.clock)
-                    expected = [one for one in self.answers if self.waits_for(one, reviewer, second=second)]
+                    expected = [answer for answer in self.answers if self.waits_for(answer, reviewer, second=second)]
                     assert [row.id for row, _ in found] == [one.id for one in expected]
                     assert [claim and claim.name for _, claim in found] == [self.holder(one) for one in expected]
 
@@ -299,7 +299,7 @@ class Reviewing(RuleBasedStateMachine):
     def disagreements_are_the_marks_that_differ(self) -> None:
         with self.database.read() as session:
             found = stored.disagreements(session, SubmissionFilter(self.course), None, 100)
-        assert [row.id for row, _ in found] == [one.id for one in self.answers if self.differs(one)]
+        assert [row.id for row, _ in found] == [answer.id for answer in self.answers if self.differs(answer)]
 
     @invariant()
     def the_first_mark_or_the_last_decision_counts(self) -> None:
@@ -317,8 +317,8 @@ class Reviewing(RuleBasedStateMachine):
     @invariant()
     def results_count_the_marks(self) -> None:
         with self.database.read() as session:
-            for learner, quiz in {(one.learner, one.quiz) for one in self.answers}:
-                theirs = [one for one in self.answers if (one.learner, one.quiz) == (learner, quiz)]
+            for learner, quiz in {(answer.learner, answer.quiz) for answer in self.answers}:
+                theirs = [answer for answer in self.answers if (answer.learner, answer.quiz) == (learner, quiz)]
                 points = [0.0 if one.first is None else one.first.points(self.rubric) for one in theirs]
                 result = session.get_one(Result, LearnerAt(self.course, learner, quiz, "why"))
                 assert result.points == pytest.approx(max(points) if quiz == "twice" else sum(points) / len(points))

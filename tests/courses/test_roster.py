@@ -31,7 +31,7 @@ def entries(external: st.SearchStrategy[External | None]) -> st.SearchStrategy[l
 
 
 def known(found: list[Entry]) -> list[tuple[object, ...]]:
-    return [(one.name, one.role, one.email, one.external) for one in found]
+    return [(entry.name, entry.role, entry.email, entry.external) for entry in found]
 
 
 def faults_of(read: Callable[[], object]) -> list[tuple[str, str]]:
@@ -103,7 +103,7 @@ def test_at_most_a_hundred_faults_are_told() -> None:
 
 
 def test_a_cell_that_looks_guarded_but_is_not_stays_as_it_is() -> None:
-    assert [one.name for one in read_roster("name\n'Ada\n'=Bob\n")] == ["'Ada", "=Bob"]
+    assert [entry.name for entry in read_roster("name\n'Ada\n'=Bob\n")] == ["'Ada", "=Bob"]
 
 
 # -- OneRoster ---------------------------------------------------------------------------------------------------------
@@ -138,7 +138,7 @@ def test_one_class_is_chosen_of_several() -> None:
     both = ENROLLED + "e9,,,c2,s,u6,student,,,\n"
     with pytest.raises(Unprocessable, match="choose one by its classSourcedId, of c1, c2"):
         read_files(USERS, both)
-    assert [one.name for one in read_files(USERS, both, course_class="c2")] == ["Other Class"]
+    assert [file.name for file in read_files(USERS, both, course_class="c2")] == ["Other Class"]
     with pytest.raises(Unprocessable, match="no class 'c3'"):
         read_files(USERS, both, course_class="c3")
 

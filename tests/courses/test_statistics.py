@@ -37,7 +37,7 @@ def statistics_of(
 
 @given(st.lists(st.booleans(), min_size=1, max_size=60))
 def test_the_interval_of_right_and_wrong_is_wilsons(answers: list[bool]) -> None:
-    found = mean_share([float(one) for one in answers])
+    found = mean_share([float(answer) for answer in answers])
     expected = scipy.stats.binomtest(sum(answers), len(answers)).proportion_ci(0.95, method="wilson")
     assert (found.low, found.high) == pytest.approx((expected.low, expected.high), abs=1e-12)
     assert found.value == pytest.approx(np.mean(answers))
@@ -107,7 +107,7 @@ def test_discrimination_is_null_where_it_is_undefined() -> None:
     alone = statistics_of([row(i, "q", i % 2) for i in range(9)])
     few = statistics_of([row(i, q, (i + len(q)) % 2) for i in range(3) for q in ("q", "qq")])
     same = statistics_of([row(i, q, 1 if q == "q" else i % 2) for i in range(9) for q in ("q", "qq")])
-    assert [one.discrimination for one in (*alone, *few, *same)] == [None] * 5
+    assert [question.discrimination for question in (*alone, *few, *same)] == [None] * 5
 
 
 def test_a_perfect_correlation_has_no_width() -> None:
@@ -135,7 +135,7 @@ def test_a_simulated_cohort_shows_which_question_is_hard_and_which_tells_nothing
         for name, (slope, difficulty) in [*questions.items(), *((f"fill{n}", (2.0, 0.0)) for n in range(6))]:
             right = chance.random() < 1 / (1 + math.exp(-slope * (ability - difficulty)))
             rows.append(row(learner, name, float(right)))
-    found = {one.question: one for one in statistics_of(rows)}
+    found = {question.question: question for question in statistics_of(rows)}
     assert found["easy"].difficulty.value > 0.8 > 0.2 > found["hard"].difficulty.value
     limits = {name: one.discrimination for name, one in found.items()}
     easy, guess, wrong = limits["easy"], limits["guess"], limits["keyed-wrong"]
@@ -164,9 +164,9 @@ def test_wrong_numbers_are_clustered_and_right_ones_are_not() -> None:
     rows = [row(n, "q", 0, value=value) for n, value in enumerate(numbers)]
     rows += [row("right", "q", 1, value=5.0), row("none", "q", 0)]
     (found,) = statistics_of(rows)
-    assert [(one.value, one.learners) for one in found.clusters] == [(0.2, 3), (5.005, 2)]
+    assert [(cluster.value, cluster.learners) for cluster in found.clusters] == [(0.2, 3), (5.005, 2)]
     (tight,) = statistics_of(rows, {"q": [0.001]})
-    assert [(one.value, one.learners) for one in tight.clusters] == [(0.2, 3)]
+    assert [(cluster.value, cluster.learners) for cluster in tight.clusters] == [(0.2, 3)]
 
 
 @given(st.lists(st.floats(-1e3, 1e3), max_size=30), st.none() | st.floats(0, 100), st.randoms())
@@ -207,7 +207,10 @@ def test_every_part_of_an_answer_is_counted() -> None:
     ]  # fmt: skip
     ticked, typed = statistics_of(rows, {"typed": [0.01, 0.5]})
     assert ticked.options == {0: 1, 2: 2}
-    assert [(one.number, one.value, one.learners) for one in typed.clusters] == [(0, 5.0, 2), (1, 7.125, 2)]
+    assert [(cluster.number, cluster.value, cluster.learners) for cluster in typed.clusters] == [
+        (0, 5.0, 2),
+        (1, 7.125, 2),
+    ]
     assert ticked.clusters == ()
     assert typed.options == {}
 

@@ -34,9 +34,9 @@ def test_the_quiz_of_the_page_is_certified_and_graded(folder: Path) -> None:
     assert [question.kind for question in quiz.questions] == ["mcq", "numeric", "predict", "open", "code"]
     assert library.warnings == ()
     assert quiz.default_policy.attempts == 3
-    assert [one.certificate.verdict for one in certify_quizzes(library, ["4.2-check"]) if one.certificate] == [
-        "certified"
-    ]
+    assert [
+        certified.certificate.verdict for certified in certify_quizzes(library, ["4.2-check"]) if certified.certificate
+    ] == ["certified"]
     assert Pipeline(library).grade("4.2-check", "period", "2.0 s").points == 2
 
 

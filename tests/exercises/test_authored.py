@@ -105,7 +105,7 @@ def test_a_script_that_does_the_same_is_told_the_authors_sentence(
         assert named.diagnosis == SENTENCE
     before = grade(jail, EXERCISES[kind](), wrong, source)
     assert before.diagnosis != SENTENCE
-    assert [one.passed for one in named.findings] == [one.passed for one in before.findings]
+    assert [finding.passed for finding in named.findings] == [finding.passed for finding in before.findings]
     assert named.points == before.points
 
 

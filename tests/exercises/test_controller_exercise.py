@@ -55,7 +55,7 @@ def short(pipeline: Pipeline, tmp_path_factory: pytest.TempPathFactory) -> Pipel
     shutil.copytree(ROOT / "models", folder / "models")
     shutil.copytree(ROOT / "quizzes" / "starters", folder / "quizzes" / "starters")
     quiz = json.loads((ROOT / "quizzes" / f"{QUIZ}.json").read_text())
-    quiz["questions"] = [one for one in quiz["questions"] if one["id"] == "altitude"]
+    quiz["questions"] = [question for question in quiz["questions"] if question["id"] == "altitude"]
     quiz["questions"][0]["check"]["cases"][-1]["episodes"] = 2
     (folder / "quizzes" / f"{QUIZ}.json").write_text(json.dumps(quiz))
     return Pipeline(load(folder, passed=PASSED), pipeline.run)

@@ -40,13 +40,19 @@ def test_every_program_of_the_plug_in_gets_its_status_and_diagnosis(environment:
     checked = grader(environment, "check", content, "--again", "--json")
     report = json.loads(checked.stdout)
     assert report["faults"] == report["undecided"] == []
-    assert [one["got"] for one in report["references"]] == ["correct", "crashed", "incorrect", "incorrect", "partial"]
+    assert [reference["got"] for reference in report["references"]] == [
+        "correct",
+        "crashed",
+        "incorrect",
+        "incorrect",
+        "partial",
+    ]
 
 
 def test_a_verdict_has_a_finding_for_each_number_with_its_share_and_tables(environment: dict[str, str]) -> None:
     wrong = Path(environment["GRADER_CONTENT"]) / PROGRAMS / "partial__half_the_damping.py"
     verdict = json.loads(grader(environment, "grade", "1.1-identify", "oscillator", str(wrong), "--json").stdout)
-    found = {one["id"]: one for one in verdict["findings"]}
+    found = {finding["id"]: finding for finding in verdict["findings"]}
     assert (found["seen.stiffness"]["passed"], found["seen.damping"]["passed"]) == (True, False)
     low, high = (round(100 * end) for end in bound_share(0, 10))
     assert f"Found in 0 of 10 recordings (95 % interval: {low} to {high} %)" in found["seen.damping"]["message"]

@@ -144,7 +144,7 @@ def test_a_forged_result_earns_nothing_and_breaks_nothing(
     id_: str, what: str, honest: Callable[[str], tuple[ScriptQuestion, Plan, RunReport]]
 ) -> None:
     question, plan, report = honest(id_)
-    for beginnings in {tuple(DECIDES[id_]), *((one,) for one in DECIDES[id_])}:
+    for beginnings in {tuple(DECIDES[id_]), *((decide,) for decide in DECIDES[id_])}:
 
         def change(name: str, array: Array) -> Any:
             return FORGED[what](array)

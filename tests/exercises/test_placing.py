@@ -29,8 +29,8 @@ Placed = dict[str, tuple[ClassAxis, Position | None]]
 def load_content(folder: Path) -> tuple[Library, dict[str, ReferenceProgram]]:
     """A content folder, and its reference programs by their path below reference_solutions."""
     library = load(folder)
-    programs = [one for one in find_references(folder) if isinstance(one, ReferenceProgram)]
-    return library, {one.file.removeprefix("reference_solutions/"): one for one in programs}
+    programs = [reference for reference in find_references(folder) if isinstance(reference, ReferenceProgram)]
+    return library, {program.file.removeprefix("reference_solutions/"): program for program in programs}
 
 
 def read_exercise(library: Library, quiz: str, question: str) -> ScriptQuestion:
@@ -85,22 +85,22 @@ def jail() -> Any:
 @pytest.mark.jail
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("folder", "file", "id_", "is_right"), PROGRAMS, ids=[f"{one[1]}-{one[2]}" for one in PROGRAMS]
+    ("folder", "file", "id_", "is_right"), PROGRAMS, ids=[f"{program[1]}-{program[2]}" for program in PROGRAMS]
 )
 def test_a_program_lies_on_the_side_of_the_limit_that_the_judge_says(
     jail: Jail, folder: Path, file: str, id_: str, is_right: bool
 ) -> None:
     verdict, placed = judge(jail, folder, file)
-    assert id_ in placed, (sorted(placed), [one["id"] for one in verdict["findings"]])
+    assert id_ in placed, (sorted(placed), [finding["id"] for finding in verdict["findings"]])
     axis, position = placed[id_]
     assert axis.right is not None and axis.limit is not None
     assert position is not None and axis.accepts(position) is is_right
     if not position.is_none and not axis.is_limit:
         low, high = axis.right
         assert (low <= position.middle <= high) is is_right
-    hidden = {one["id"] for one in verdict["findings"] if one["title"].startswith("hidden case")}
+    hidden = {finding["id"] for finding in verdict["findings"] if finding["title"].startswith("hidden case")}
     assert not hidden & placed.keys()  # what nobody is told stands on no axis
-    passed = {one["id"]: one["passed"] for one in verdict["findings"]}
+    passed = {finding["id"]: finding["passed"] for finding in verdict["findings"]}
     for other, (axis, position) in placed.items():
         if other in passed and position is not None and not axis.is_limit:
             assert axis.accepts(position) is passed[other], other

@@ -75,7 +75,9 @@ class Halving(Kind[ExerciseParameters, float, None]):
             Part("near", "the last guess", near, "It is near." if near else "It is not near.", points=3),
             Part("soon", "twelve guesses", soon, "Soon enough." if soon else "Not soon enough."),
         )
-        return Judgement(near and soon, next((one.message for one in parts if not one.passed), ""), None, parts=parts)
+        return Judgement(
+            near and soon, next((part.message for part in parts if not part.passed), ""), None, parts=parts
+        )
 
 
 RIGHT = """
@@ -109,10 +111,10 @@ def grade(jail: Jail, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Verdic
 def test_each_part_is_a_finding_with_its_points(grade: Callable[[str], Verdict]) -> None:
     verdict = grade(RIGHT)
     assert verdict.status is Status.CORRECT, verdict.diagnosis
-    assert [(one.id, one.points) for one in verdict.findings] == [
+    assert [(finding.id, finding.points) for finding in verdict.findings] == [
         ("seen.near", 3), ("seen.soon", 1), ("unseen.near", 3), ("unseen.soon", 1),
     ]  # fmt: skip
-    assert [one.title for one in verdict.findings][2] == "hidden case 1: the last guess"
+    assert [finding.title for finding in verdict.findings][2] == "hidden case 1: the last guess"
 
 
 def test_a_trial_that_failed_in_a_part_earns_the_others(grade: Callable[[str], Verdict]) -> None:

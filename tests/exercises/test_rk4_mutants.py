@@ -116,21 +116,21 @@ def test_a_missing_call_is_not_told_as_another_tableau(take: Take) -> None:
 @settings(max_examples=15, deadline=None)
 @given(data=st.data())
 def test_two_mutants_are_both_told(data: st.DataObject, take: Take) -> None:
-    calls = [one for one in MUTANTS if one.changes.keys() == {"calls"} and sum(one.changes["calls"]) == 3]
-    times = [one for one in MUTANTS if one.changes.keys() == {"times"}]
+    calls = [mutant for mutant in MUTANTS if mutant.changes.keys() == {"calls"} and sum(mutant.changes["calls"]) == 3]
+    times = [mutant for mutant in MUTANTS if mutant.changes.keys() == {"times"}]
     first, second = data.draw(st.sampled_from(calls)), data.draw(st.sampled_from(times))
     program = combine(first, second)
     assert program is not None
     match = find_match([read_taken("double-pendulum", take("double-pendulum", as_function(program)))])
     assert match is not None
     if len(match.mutants) == 2:
-        assert {one.sentence for one in match.mutants} & {first.sentence, second.sentence}
+        assert {mutant.sentence for mutant in match.mutants} & {first.sentence, second.sentence}
         assert match.sentence.startswith("Two things are wrong. First: ")
 
 
 def test_of_two_mutants_the_one_that_comes_first_in_the_step_is_told_first(take: Take) -> None:
-    missing = next(one for one in MUTANTS if one.changes == {"calls": (True, True, False, True)})
-    time = next(one for one in MUTANTS if one.changes.get("times") == (0.0, 0.5, 0.5, 1.0, 2.0))
+    missing = next(mutant for mutant in MUTANTS if mutant.changes == {"calls": (True, True, False, True)})
+    time = next(mutant for mutant in MUTANTS if mutant.changes.get("times") == (0.0, 0.5, 0.5, 1.0, 2.0))
     program = combine(missing, time)
     assert program is not None
     match = find_match([read_taken("double-pendulum", take("double-pendulum", as_function(program)))])
@@ -147,7 +147,7 @@ def test_mutants_that_change_the_same_entry_are_not_combined() -> None:
 
 def test_the_work_is_bounded_by_a_count_of_steps(take: Take, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("grader.exercises.kinds.rk4.mutants.matching.STEPS_MAX", 0)
-    program = combine(MUTANTS[1], next(one for one in MUTANTS if one.changes.keys() == {"times"}))
+    program = combine(MUTANTS[1], next(mutant for mutant in MUTANTS if mutant.changes.keys() == {"times"}))
     assert program is not None
     assert find_match([read_taken("double-pendulum", take("double-pendulum", as_function(program)))]) is None
 

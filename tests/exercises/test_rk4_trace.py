@@ -488,7 +488,7 @@ def silent(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> Plan:
 
 def untaped(inputs: Mapping[str, Any]) -> dict[str, Any]:
     """The same inputs, so that no step is noted."""
-    trials = [{**one, "inputs": {**one["inputs"], "taped": False}} for one in inputs["trials"]]
+    trials = [{**trial, "inputs": {**trial["inputs"], "taped": False}} for trial in inputs["trials"]]
     for one in trials:
         one["inputs"].pop("probe", None)
     return {**inputs, "trials": trials}
@@ -496,7 +496,7 @@ def untaped(inputs: Mapping[str, Any]) -> dict[str, Any]:
 
 def shortened(inputs: Mapping[str, Any]) -> dict[str, Any]:
     """The same inputs with short runs, and none where no step is noted: the trace costs as much, and stands out."""
-    trials = [{**one, "inputs": {**one["inputs"]}} for one in inputs["trials"]]
+    trials = [{**trial, "inputs": {**trial["inputs"]}} for trial in inputs["trials"]]
     for one in trials:
         runs = one["inputs"]["runs"] if len(one["inputs"]["runs"]) == 1 else []
         one["inputs"]["runs"] = [run | {"steps": min(run["steps"], STEPS)} for run in runs]

@@ -143,7 +143,7 @@ def test_nothing_of_a_hidden_case_is_in_the_verdict(id_: str, what: str, run: Ca
     assert not secrets(exercise, plan) & told_numbers(verdict)
     assert "submission.py" not in verdict.stderr
     if report.status is RunStatus.RETURNED:
-        visible = [one.id for one in plan.trials if not one.hidden]
+        visible = [trial.id for trial in plan.trials if not trial.hidden]
         assert all(finding.passed for finding in verdict.findings if finding.id in visible)
 
 

@@ -35,8 +35,8 @@ def as_result(raw: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:
 
 def use(trace: Trace) -> None:
     """Reads all that can be read of a trace."""
-    assert all(isinstance(one, ReturnedValue) for one in trace.returned_values)
-    assert all(isinstance(one, HandledException) for one in trace.handled_exceptions)
+    assert all(isinstance(value, ReturnedValue) for value in trace.returned_values)
+    assert all(isinstance(exception, HandledException) for exception in trace.handled_exceptions)
     assert trace.printed_text is None or isinstance(trace.printed_text, str)
     assert all(note.numbers.dtype == np.float64 for note in trace.notes)
 
@@ -140,8 +140,8 @@ def test_returned_handled_and_printed_are_noted(run: Run) -> None:
         HandledException("ValueError", line=15, clause=16, times=1, message="no limit"),
     ]
     assert visible.printed_text == "looking at 0\nno limit\ndone\n"
-    assert [one.line for one in hidden.handled_exceptions] == [5, 15]
-    assert {one.message for one in hidden.handled_exceptions} == {""}
+    assert [exception.line for exception in hidden.handled_exceptions] == [5, 15]
+    assert {exception.message for exception in hidden.handled_exceptions} == {""}
     assert hidden.printed_text == ""
 
 

@@ -108,7 +108,7 @@ def check_search(told: Told) -> None:
     for match in MILLISECONDS.finditer(sentence):
         for number in filter(None, match.groups()):
             digits = len(number.replace(".", "").strip("0")) or 1
-            assert any(abs(float(number) - one) <= 10.0 ** (1 - digits) * abs(one) for one in known), sentence
+            assert any(abs(float(number) - value) <= 10.0 ** (1 - digits) * abs(value) for value in known), sentence
     right = re.search(r"search is right: ([\d.]+) ms stayed stable, and at ([\d.]+) ms MuJoCo warned", sentence)
     if right is not None:
         cells = [one.trial.problem for one in told.judged if not one.trial.hidden and not one.counts]

@@ -364,7 +364,7 @@ def test_a_kind_of_another_package_checks_and_grades(installed: Path, tmp_path: 
     content = words(tmp_path)
     checked = grader(installed, content, "check", str(content), "--json")
     assert checked.returncode == 0, checked.stdout + checked.stderr
-    assert [one["got"] for one in json.loads(checked.stdout)["references"]] == ["correct", "incorrect"]
+    assert [reference["got"] for reference in json.loads(checked.stdout)["references"]] == ["correct", "incorrect"]
     wrong = content / "reference_solutions/words/turn/incorrect__same.py"
     graded = grader(installed, content, "grade", "words", "turn", str(wrong), "--json")
     assert graded.returncode == 1

@@ -140,14 +140,14 @@ api_routes.include_in(api_router)
 
 def routes_in(router: Any, prefix: str = "") -> Iterator[Row]:
     """The routes of a router and of those that it includes, as they are registered."""
-    for one in router.routes:
-        inner = getattr(one, "original_router", None)
+    for route in router.routes:
+        inner = getattr(route, "original_router", None)
         if inner is not None:
-            yield from routes_in(inner, prefix + one.include_context.prefix)
+            yield from routes_in(inner, prefix + route.include_context.prefix)
             continue
-        effect = re.split(r"(?<=\.)\s|\n", one.endpoint.__doc__ or "")[0]
-        for method in sorted(one.methods):
-            path = prefix + one.path
+        effect = re.split(r"(?<=\.)\s|\n", route.endpoint.__doc__ or "")[0]
+        for method in sorted(route.methods):
+            path = prefix + route.path
             yield Row(f"{method} {path.removeprefix(PREFIX)}", method, path, effect)
 
 
@@ -236,10 +236,10 @@ def prepare_things(world: World) -> None:
     ids["webhook_id"] = made(tina, "/webhooks", {"url": HOOK})
     ids["regrade_id"] = made(tina, "/regrades", BODIES["POST /regrades"])
     ids["platform_id"] = made(tina, "/lti/platforms", PLATFORM)
-    members = {one["name"]: one["id"] for one in tina.get(f"{PREFIX}/members").json()["items"]}
+    members = {item["name"]: item["id"] for item in tina.get(f"{PREFIX}/members").json()["items"]}
     ids["member_id"] = ids["learner"] = members["victim"]
     ids["bot"] = members["bot"]
-    [ids["token_id"]] = [one["id"] for one in tina.get(f"{PREFIX}/tokens").json()["items"] if one["name"] == "bot"]
+    [ids["token_id"]] = [item["id"] for item in tina.get(f"{PREFIX}/tokens").json()["items"] if item["name"] == "bot"]
     with world.database.write() as session:
         session.get_one(Destination, ids["webhook_id"]).disabled_at = now()
         context = context_at(session, int(ids["platform_id"]), "deployment", "context", "Robotics")

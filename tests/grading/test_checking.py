@@ -132,7 +132,7 @@ def test_an_unchanged_folder_needs_no_jail(tmp_path: Path, monkeypatch: pytest.M
         shutil.copytree(LESSON / name, tmp_path / name)
     file = tmp_path / "quizzes" / "1.3-exercises.json"
     quiz = json.loads(file.read_text())
-    quiz["questions"] = [one for one in quiz["questions"] if one["id"] == "servo-threshold"]
+    quiz["questions"] = [question for question in quiz["questions"] if question["id"] == "servo-threshold"]
     quiz["questions"][0]["check"]["luck"] = 0.9
     file.write_text(json.dumps(quiz))
     checks = PassedChecks(tmp_path / "cache")
@@ -198,7 +198,7 @@ def test_one_question_alone_is_checked_and_says_what_it_does(tmp_path: Path) -> 
     report = check_content(
         tmp_path, refuse, lambda _: None, only=Selection("1.3-check", "q2"), doing=done.append
     )  # no jail is needed
-    assert [one["question"] for one in report.certificates] == ["q2"]
+    assert [certificate["question"] for certificate in report.certificates] == ["q2"]
     assert (report.faults, report.warnings, report.references) == ([], [], [])
     assert "certifying the key of 1.3-check q2" in done
     absent = check_content(tmp_path, refuse, lambda _: None, only=Selection.parse("1.3-check/q9"))
@@ -219,7 +219,7 @@ def test_each_mistake_of_the_authors_is_told_its_own_sentence_or_is_a_fault(tmp_
         (tmp_path / f"programs/{name}.py").write_text(source)
     file = tmp_path / "quizzes" / "1.3-exercises.json"
     quiz = json.loads(file.read_text())
-    quiz["questions"] = [one for one in quiz["questions"] if one["id"] == "servo-threshold"]
+    quiz["questions"] = [question for question in quiz["questions"] if question["id"] == "servo-threshold"]
     sentences = {"one": "It is no stiffness.", "same": "It is the same."}
     mistakes = [{"program": f"programs/{name}.py", "sentence": said} for name, said in sentences.items()]
     quiz["questions"][0]["check"] |= {"mistakes": mistakes[:1], "luck": 1}  # nothing is drawn to bound it

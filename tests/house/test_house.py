@@ -59,7 +59,7 @@ EXTRAS_OF_BENCHMARKS = {"bench", "peers"}
 
 def test_a_server_is_installed_with_every_extra_and_no_build_tool() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    wanted = {re.split("[>=]", one)[0] for name in extras.keys() - EXTRAS_OF_BENCHMARKS for one in extras[name]}
+    wanted = {re.split("[>=]", extra)[0] for name in extras.keys() - EXTRAS_OF_BENCHMARKS for extra in extras[name]}
     locked = dict(pin.split("==") for pin in pins("requirements-all.lock"))
     assert wanted
     assert wanted <= locked.keys()

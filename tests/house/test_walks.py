@@ -128,7 +128,7 @@ the first answer alone.
 def test_an_answer_meets_few_modules(site: Site, name: str) -> None:
     quiz, question, answers, status = ANSWERS[name]
     learner = site.client(name.replace(" ", "-"))  # who has no result yet that a wrong answer would leave as it is
-    walk = min((walk_of(learner, quiz, question, one, status) for one in answers), key=lambda one: len(one.moves))
+    walk = min((walk_of(learner, quiz, question, answer, status) for answer in answers), key=lambda one: len(one.moves))
     print(f"{name}: {len(walk.modules)} modules, {len(walk.moves)} moves", *walk.moves, sep="\n")
     assert len(walk.modules) <= LIMITS[name][0]
     assert len(walk.moves) <= LIMITS[name][1]

@@ -106,7 +106,7 @@ def test_the_course_has_every_kind_and_the_import_keeps_each(content: Path) -> N
     assert {question.takes for question in scripts} == {*FORMS}
     assert [quiz for quiz, question in questions if getattr(question, "draw", None)] == ["3.1-drawn"]
     kept = [one for file in content.glob("quizzes/*.json") for one in json.loads(file.read_text()).get("questions", ())]
-    written = [one for lesson in LESSONS for one in read_blocks(lesson.read_text())]
+    written = [block for lesson in LESSONS for block in read_blocks(lesson.read_text())]
     assert sorted(map(json.dumps, kept)) == sorted(
         json.dumps(one).replace("fig/", "images/1.1/fig/") for one in written
     )
@@ -117,7 +117,7 @@ def read_blocks(lesson: str) -> Iterator[dict[str, Any]]:
     """Yields the questions in the `quiz` and `debug` blocks of a lesson, as their author wrote them."""
     for word, text in re.findall(r"^```(quiz|debug)\n(.*?)^```", lesson, re.DOTALL | re.MULTILINE):
         raw = json.loads(text)
-        yield from ({"kind": word} | one for one in raw.get("questions", [raw]) if "q" in one)
+        yield from ({"kind": word} | question for question in raw.get("questions", [raw]) if "q" in question)
 
 
 @pytest.mark.jail
@@ -224,7 +224,7 @@ def test_what_is_missing_is_told_with_its_line_and_costs_nothing_else(tmp_path: 
         "line 7: ../index.html", "line 9: fig/leg.png",
     ]  # fmt: skip
     assert not list((tmp_path / "content").rglob("*.png"))
-    warned = {(one.file, one.key) for one in load(tmp_path / "content").warnings}
+    warned = {(warning.file, warning.key) for warning in load(tmp_path / "content").warnings}
     assert {("lessons/8.1.md", "line 3"), ("lessons/8.1.md", "line 9"), ("quizzes/8.1-check.json", "q1.q")} <= warned
     (lesson.parent / "fig").mkdir()
     shutil.copy(COURSE / "fig/arm.png", lesson.parent / "fig/q.png")

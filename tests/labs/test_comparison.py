@@ -89,7 +89,7 @@ def test_models_may_have_labels_and_the_first_is_the_lab_s_own() -> None:
     assert isinstance(lab, IntegratorsLab)
     assert (lab.model, lab.seconds) == ("pendulum", 0.5)
     assert lab.offered == {"pendulum": "One", "double_pendulum": "double_pendulum"}
-    assert {one.steps for one in run_integrators(lab, XML["pendulum"], timestep=0.01).runs} == {50}
+    assert {run.steps for run in run_integrators(lab, XML["pendulum"], timestep=0.01).runs} == {50}
     with pytest.raises(LabRefused, match="one of: pendulum, double_pendulum"):
         run_integrators(lab, XML["pendulum"], model="arm")
 

@@ -90,6 +90,6 @@ def test_steps_alone_are_bitwise_those_between_which_something_may_happen(
     among = run_lab(LabConfig.model_validate(raw), xml, seconds=seconds, variant=variant)
     assert alone.times == among.times
     assert repr(alone.rows) == repr(among.rows)
-    assert [one.rates.tobytes() for one in alone.probes] == [one.rates.tobytes() for one in among.probes]
+    assert [probe.rates.tobytes() for probe in alone.probes] == [probe.rates.tobytes() for probe in among.probes]
     assert (alone.warnings, alone.failed.keys()) == (among.warnings, among.failed.keys())
     assert (alone.rederived, alone.duration_s, alone.steps) == (among.rederived, among.duration_s, among.steps)

@@ -228,7 +228,7 @@ def mistake_html(place: Place) -> Iterator[Mistake]:
 def mistake_options(place: Place) -> Iterator[Mistake]:
     """Two options that are equal."""
     texts = place.value if place.name in ("options", "items") and isinstance(place.value, list) else []
-    if texts and all(isinstance(one, str) for one in texts):
+    if texts and all(isinstance(text, str) for text in texts):
         yield place.mistake("two equal", [texts[0], texts[0], *texts[2:]])
 
 
@@ -359,12 +359,12 @@ def check_folder(root: Path, file: str) -> list[Fault]:
     ContentError where the folder does not load."""
     library = load(root, passed=PASSED)
     said = list(library.warnings)
-    for one in certify_quizzes(library, [quiz for quiz in library.quizzes if library.file(quiz) == file], PASSED):
-        if one.certificate is not None and not one.certificate.is_publishable:
-            said.append(build_fault(library, one.quiz, one.question, one.certificate))
-        elif one.certificate is not None:
-            place = ".".join(filter(None, (one.question.id, one.key.place, "answer")))
-            said += [Fault(file, place, why) for why in one.certificate.remarks]
+    for certified in certify_quizzes(library, [quiz for quiz in library.quizzes if library.file(quiz) == file], PASSED):
+        if certified.certificate is not None and not certified.certificate.is_publishable:
+            said.append(build_fault(library, certified.quiz, certified.question, certified.certificate))
+        elif certified.certificate is not None:
+            place = ".".join(filter(None, (certified.question.id, certified.key.place, "answer")))
+            said += [Fault(file, place, why) for why in certified.certificate.remarks]
     return said
 
 
@@ -408,7 +408,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="")
     options = parser.parse_args(arguments)
-    drawn = [one for one in draw_mistakes(options.draw, options.seed) if re.search(options.only, one.name)]
+    drawn = [mistake for mistake in draw_mistakes(options.draw, options.seed) if re.search(options.only, mistake.name)]
     with ProcessPoolExecutor(2) as pool:
         results = [*zip(drawn, pool.map(judge_mistake, drawn, chunksize=4), strict=True)]
     silent = Counter(one.name for one, why in results if why is not None)

@@ -88,7 +88,7 @@ def test_what_differs_is_told_with_the_old_and_the_new(write: Write) -> None:
                 {**SCRIPT["check"]["cases"][0], "steps": 3}]}}))
     )  # fmt: skip
     changes = list_changes(load(write("one", old)), load(write("two", new, joint="k", starter="def f(): pass\n")))
-    edits = {change.part: {one.path: (one.old, one.new) for one in change.edits} for change in changes}
+    edits = {change.part: {edit.path: (edit.old, edit.new) for edit in change.edits} for change in changes}
     words = " ".join(f"word{n}" for n in range(24, 30)), " ".join(f"word{n}" for n in range(31, 37))
     assert edits["n"] == {
         "attempts": ("3", "nothing"),

@@ -101,7 +101,7 @@ def test_a_formula_of_several_lines_and_one_between_brackets_are_formulas(root: 
 
 def test_pictures_and_their_descriptions_that_are_missing_are_remarks(root: Path) -> None:
     remarks = read(root, "# A", "![A rod](rod.png)", "", "![](https://example.org/rod.png)").warnings
-    assert [(one.key, one.why.partition(":")[0]) for one in remarks] == [
+    assert [(remark.key, remark.why.partition(":")[0]) for remark in remarks] == [
         ("line 2", 'the picture "rod.png" is not there'),
         ("line 4", 'the picture "rod.png" has no description'),
     ]

@@ -177,7 +177,7 @@ def test_a_mistake_of_content_is_told_with_its_line(
         said = load(tmp_path).warnings
     except ContentError as error:
         said = error.faults
-    assert any(one.key.startswith(key) and one.why.startswith(why) for one in said), said
+    assert any(fault.key.startswith(key) and fault.why.startswith(why) for fault in said), said
 
 
 def test_a_course_in_markdown_is_checked_graded_and_archived(tmp_path: Path) -> None:

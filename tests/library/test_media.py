@@ -61,8 +61,8 @@ def test_texts_name_pictures_by_their_digest_which_those_of_the_quiz_depend_on(r
     assert f'src="{arm}"' in in_json and f'href="{run}"' in in_json
     assert f'src="{arm}"' in in_markdown
     assert f'src="{deep}"' in in_lesson and f'href="{run}"' in in_lesson
-    assert [str(one) for one in before.warnings] == [
-        f"images/arm.xcf: ending: {next(one.why for one in before.warnings)}"
+    assert [str(warning) for warning in before.warnings] == [
+        f"images/arm.xcf: ending: {next(warning.why for warning in before.warnings)}"
     ]
     again = load_files(before.sources["1-json"])
     assert (again.digest("1-json"), again.question("1-json", "q1").q) == (before.digest("1-json"), in_json)
@@ -75,11 +75,15 @@ def test_texts_name_pictures_by_their_digest_which_those_of_the_quiz_depend_on(r
 def test_a_missing_picture_or_description_is_named_with_file_and_question(root: Path) -> None:
     wrong = {"kind": "open", "q": '<img src="images/leg.png" alt="A leg"> <img src="images/arm.png">'}
     write(root, {"quizzes/1-json.json": quiz(wrong), "lessons/1.md": b"# A\n\n![A leg](images/leg.png)\n"})
-    assert [(one.file, one.key, one.why.partition(":")[0]) for one in load(root).warnings if "quizz" in one.file] == [
+    assert [
+        (warning.file, warning.key, warning.why.partition(":")[0])
+        for warning in load(root).warnings
+        if "quizz" in warning.file
+    ] == [
         ("quizzes/1-json.json", "q1.q", 'the picture "arm.png" has no description'),
         ("quizzes/1-json.json", "q1.q", 'the picture "images/leg.png" is not there'),
     ]
-    assert ("lessons/1.md", "line 3") in [(one.file, one.key) for one in load(root).warnings]
+    assert ("lessons/1.md", "line 3") in [(warning.file, warning.key) for warning in load(root).warnings]
 
 
 @pytest.mark.parametrize("kind", BODIES)

@@ -16,7 +16,7 @@ def mutations() -> list[Mutation]:
 
 @pytest.mark.slow
 def test_every_mutation_is_a_fault_with_its_place_or_is_checked_to_the_end(mutations: list[Mutation]) -> None:
-    of_numbers = [one for one in mutations if one.name in NUMBERS]
+    of_numbers = [mutation for mutation in mutations if mutation.name in NUMBERS]
     drawn = [*random.Random(1).sample(of_numbers, 60), *random.Random(2).sample(mutations, 40)]
     wrong = {str(one): why for one in drawn if (why := try_mutation(one)) is not None}
     assert wrong == {}
@@ -32,6 +32,6 @@ FOUND = (
 @pytest.mark.slow
 @pytest.mark.parametrize(("key", "name"), FOUND)
 def test_a_mutation_that_once_got_through_is_told(mutations: list[Mutation], key: str, name: str) -> None:
-    found = [one for one in mutations if one.name == name and ".".join(map(str, one.way)) == key]
+    found = [mutation for mutation in mutations if mutation.name == name and ".".join(map(str, mutation.way)) == key]
     assert found
     assert [why for one in found if (why := try_mutation(one)) is not None] == []

@@ -130,8 +130,8 @@ def test_the_digest_covers_our_code_and_that_of_plug_ins(monkeypatch: pytest.Mon
 def test_a_lesson_is_the_same_with_and_without(checks: PassedChecks, monkeypatch: pytest.MonkeyPatch) -> None:
     def derive(passed_before: PassedChecks) -> list[Any]:
         library = load(LESSON, passed=passed_before)
-        certificates = [one.certificate for one in certify_quizzes(library, library.quizzes, passed_before)]
-        told = [one and one.to_json() | {"cost_ms": 0} for one in certificates]
+        certificates = [certified.certificate for certified in certify_quizzes(library, library.quizzes, passed_before)]
+        told = [certificate and certificate.to_json() | {"cost_ms": 0} for certificate in certificates]
         return [library.digests, library.texts, library.warnings, library.sources, told]
 
     cold, first = derive(PassedChecks()), derive(checks)

@@ -49,8 +49,8 @@ def ids(integrator: Integrator) -> str:
 
 def test_the_codes_are_those_of_mujoco() -> None:
     assert sorted(BY_CODE) == sorted(int(code) for code in mujoco.mjtIntegrator.__members__.values())
-    assert [f"mjINT_{one.name.upper()}" for one in INTEGRATORS] == [
-        mujoco.mjtIntegrator(one.code).name for one in INTEGRATORS
+    assert [f"mjINT_{integrator.name.upper()}" for integrator in INTEGRATORS] == [
+        mujoco.mjtIntegrator(integrator.code).name for integrator in INTEGRATORS
     ]
 
 
@@ -89,10 +89,13 @@ def test_a_refused_integrator_is_told_by_mujoco() -> None:
     elastic = mujoco.MjModel.from_xml_string(
         cloth.format('<elasticity young="1e4" thickness="0.01" elastic2d="both"/>')
     )
-    assert [one for one in INTEGRATORS if find_refusal(elastic, one) is not None] == [IMPLICIT, IMPLICITFAST]
+    assert [integrator for integrator in INTEGRATORS if find_refusal(elastic, integrator) is not None] == [
+        IMPLICIT,
+        IMPLICITFAST,
+    ]
     assert "flex elasticity" in (find_refusal(elastic, IMPLICIT) or "")
     damped = mujoco.MjModel.from_xml_string(ALL["flex"])
-    refused = [one for one in INTEGRATORS if find_refusal(damped, one) is not None]
+    refused = [integrator for integrator in INTEGRATORS if find_refusal(damped, integrator) is not None]
     assert refused == ([DISCRETE] if parse_version(INSTALLED) >= (4, 0, 0) else [])
 
 

@@ -49,7 +49,7 @@ def test_a_run_in_a_shared_workspace_is_the_same_bit_for_bit(integrator: Integra
     code = integrator.code
     texts = [write_arm(left=left), write_arm(left=not left, damping=3, length=0.2, mass=4)]
     scenes = Scene.from_xml(texts[0]), Scene.from_xml(texts[1]), compile_alone(texts[1])
-    first, second, alone = (one.at(qpos=[1, 0.5, -0.3, 0.2], qvel=[3, -2, 1, 2], ctrl=[0.5]) for one in scenes)
+    first, second, alone = (scene.at(qpos=[1, 0.5, -0.3, 0.2], qvel=[3, -2, 1, 2], ctrl=[0.5]) for scene in scenes)
     simulate(first, steps=200, timestep_s=0.2, integrator=code)  # diverges, and leaves its state
     with first.borrow() as workspace:
         pass

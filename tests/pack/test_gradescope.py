@@ -198,7 +198,7 @@ def test_a_container_without_namespaces_is_refused_or_gets_t2_where_that_was_all
 def test_the_package_holds_what_grading_needs_and_nothing_more(tmp_path: Path) -> None:
     folder = pack(tmp_path / "packed")
     packed = load(folder / "content", passed=PASSED)
-    assert {one.id: [q.id for q in one.questions] for one in packed.quizzes.values()} == {EXERCISE[0]: [EXERCISE[1]]}
+    assert {quiz.id: [q.id for q in quiz.questions] for quiz in packed.quizzes.values()} == {EXERCISE[0]: [EXERCISE[1]]}
     assert packed.models == load_content().models
     [question] = packed.quiz(EXERCISE[0]).questions
     whole = load_content().question(*EXERCISE)

@@ -45,7 +45,7 @@ class Class:
             waiting.append(NewAnswer(who, pipeline.library, parsed, pipeline.judge(parsed)))
         with self.database.write() as session:
             outcomes = store_answers(self.database, session, waiting)
-        assert all(isinstance(one, Receipt) for one in outcomes)
+        assert all(isinstance(outcome, Receipt) for outcome in outcomes)
 
     def review(self, who: Identity, points: float, comment: str | None = None) -> None:
         """Decides on the learner's open answers."""
@@ -68,7 +68,7 @@ class Class:
         """What counts for a learner in the quiz."""
         with self.database.read() as session:
             found = of_learner(session, COURSE, who.id, "small")
-        return sum(one.points for one in found.values())
+        return sum(result.points for result in found.values())
 
 
 def ids(database: Database) -> dict[str, str]:

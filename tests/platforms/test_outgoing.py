@@ -26,7 +26,7 @@ def resolving(*addresses: str) -> Callable[[str, int], "asyncio.Future[list[Addr
 
     def resolve(_host: str, _port: int) -> "asyncio.Future[list[Address]]":
         found: asyncio.Future[list[Address]] = asyncio.get_running_loop().create_future()
-        found.set_result([ip_address(one) for one in addresses])
+        found.set_result([ip_address(address) for address in addresses])
         return found
 
     return resolve

@@ -121,8 +121,8 @@ def test_every_final_grade_is_right_and_nothing_is_lost_or_sent_twice(
         course.enrol([f"learner{place}" for place in range(LEARNERS)])
         course.send_scores()
         # All have answered; the open answers of every third learner wait for a reviewer.
-        course.answer([(one, "q1", number(one) % 3) for one in course.learners])
-        course.answer([(one, "q4", "because") for one in course.learners[::3]])
+        course.answer([(learner, "q1", number(learner) % 3) for learner in course.learners])
+        course.answer([(learner, "q4", "because") for learner in course.learners[::3]])
         if killed == "in the first scores":
             with sending(url, platform, threads) as first:
                 kill_in_the_middle(first, platform, draw.randrange(10, 26))
@@ -150,7 +150,7 @@ def test_every_final_grade_is_right_and_nothing_is_lost_or_sent_twice(
         assert set(platform.faults) >= {"lost before", "lost after", "500", "503", "429", "401"}
         with database.read() as session:
             rows = {row.learner: row for row in session.scalars(select(Delivery))}
-        changed = [one for one in persons if number(one) % 2]  # the others have the same points as before
+        changed = [person for person in persons if number(person) % 2]  # the others have the same points as before
         assert {key for key, row in rows.items() if row.state == DEAD} == {one.id for one in changed}
         assert all((rows[one.id].error or "").startswith("Overridden by a person") for one in changed)
         for one in course.learners:

@@ -223,7 +223,7 @@ def test_what_a_learner_has_before_the_first_launch_is_sent_then(make: MakeCours
     course.send_scores("q2", learner=bob.id)
     course.deliver()
     assert [(one["scoreGiven"], one["scoreMaximum"]) for one in course.platform.taken] == [(1.0, 4.0), (1.0, 1.0)]
-    assert [one["label"] for one in course.platform.items.values()] == ["A small quiz", "A small quiz: q2"]
+    assert [item["label"] for item in course.platform.items.values()] == ["A small quiz", "A small quiz: q2"]
 
 
 @both
@@ -386,7 +386,7 @@ def test_which_tries_may_still_replace_a_score() -> None:
 def test_many_learners_at_once_make_one_line_item(make: MakeCourse) -> None:
     course = make(BLACKBOARD)
     course.enrol([f"learner{number}" for number in range(12)])
-    course.answer([(one, "q1", 1) for one in course.learners])
+    course.answer([(learner, "q1", 1) for learner in course.learners])
     sender = sender_of(course.database, course.target)
     worker = Worker(course.database, {jobs.DELIVER: Delivering({SCORES: sender})}, 0, Retries(3), 6)
     worker.start()
@@ -460,7 +460,9 @@ def test_only_granted_scopes_are_asked_for(
     course.answer([(ann, "q1", 1)])
     course.deliver()
     assert course.row().state == state, course.row().error
-    assert [set(one["scope"].split()) for one in course.platform.token_requests] == ([asked_for] if asked_for else [])
+    assert [set(request["scope"].split()) for request in course.platform.token_requests] == (
+        [asked_for] if asked_for else []
+    )
 
 
 def test_without_the_right_to_read_a_conflict_is_a_dead_letter(make: MakeCourse) -> None:

@@ -51,7 +51,7 @@ class Receiver:
 
 @contextmanager
 def a_receiver(*statuses: int | Answer) -> Iterator[Receiver]:
-    receiver = Receiver([one if isinstance(one, Answer) else Answer(one) for one in statuses])
+    receiver = Receiver([status if isinstance(status, Answer) else Answer(status) for status in statuses])
     with receiving(receiver.respond) as port:
         receiver.url = f"http://{HERE}:{port}/hook?for=grader"
         yield receiver
@@ -164,8 +164,8 @@ def test_after_the_last_try_it_is_a_dead_letter_which_is_replayed(
         work(database_of(site), SENDERS)
     assert listed(teacher, state="dead") == []
     assert {one.headers["webhook-id"] for one in receiver.got} == {receiver.got[0].headers["webhook-id"]}
-    actions = [one["action"] for one in teacher.get(f"{API}/audit").json()["items"]]
-    assert [one for one in actions if "token" not in one] == ["delivery replayed", "webhook created"]
+    actions = [item["action"] for item in teacher.get(f"{API}/audit").json()["items"]]
+    assert [action for action in actions if "token" not in action] == ["delivery replayed", "webhook created"]
     assert made["secret"] not in teacher.get(f"{API}/audit").text
 
 
@@ -178,7 +178,7 @@ def test_all_dead_letters_of_a_webhook_are_replayed_at_once(site: Site, teacher:
         assert len(listed(teacher, state="dead", destination=made["id"])) == 3
         pages = [teacher.get(f"{API}/deliveries", params={"limit": 2})]
         pages += [teacher.get(pages[0].links["next"]["url"])]
-        assert [len(one.json()["items"]) for one in pages] == [2, 1]
+        assert [len(page.json()["items"]) for page in pages] == [2, 1]
         assert teacher.post(f"{API}/webhooks/{made['id']}:replay").json() == {"replayed": 3}
         work(database_of(site), SENDERS)
     assert {one["state"] for one in listed(teacher)} == {"sent"}

@@ -173,7 +173,7 @@ def hand_in(client: httpx.Client, case: Case, answer: Any, quiz: str = "every") 
 def test_the_example_loads_without_a_remark(library: Library, case: Case) -> None:
     question = library.question("every", case.name)
     assert kind_of(question) is case.kind
-    assert [one for one in library.warnings if one.key.startswith(f"{case.name}.")] == []
+    assert [warning for warning in library.warnings if warning.key.startswith(f"{case.name}.")] == []
 
 
 def test_a_question_is_frozen_and_dumps_to_what_it_is(case: Case) -> None:
@@ -209,7 +209,7 @@ def test_a_verify_is_refused_where_there_is_no_key(tmp_path: Path, case: Case) -
 
 
 def test_every_key_can_be_certified_or_refused(library: Library, case: Case) -> None:
-    found = [one for one in certify_quizzes(library, ["every"]) if one.question.id == case.name]
+    found = [certified for certified in certify_quizzes(library, ["every"]) if certified.question.id == case.name]
     assert [one.key for one in found] == list(case.kind.answer_keys(case.question))
     for one in found:
         assert one.certificate is None or one.certificate.ok
@@ -284,7 +284,7 @@ def test_every_answer_gets_its_status(site: Site, case: Case, work: Work) -> Non
         verdict = client.get(f"{API}/submissions/{sent.json()['id']}").json()["verdict"]
         assert verdict["status"] == status, answer
         assert verdict["max_points"] == case.question.points
-        assert sum(one["points"] for one in verdict["findings"]) == verdict["points"]
+        assert sum(finding["points"] for finding in verdict["findings"]) == verdict["points"]
 
 
 @pytest.mark.parametrize("case", JAILED)
@@ -414,7 +414,7 @@ def test_instructors_see_the_answer_everywhere(
     tina, submission = handed_in
     work(site, case)
     told = tina.get(f"{API}/submissions/{submission}").json()
-    learner = next(one["id"] for one in tina.get(f"{API}/members").json()["items"] if one["name"] == "ann")
+    learner = next(item["id"] for item in tina.get(f"{API}/members").json()["items"] if item["name"] == "ann")
     answer = case.kind.show(case.question, case.right).strip()
     review = tina.get(f"/instructor/review/{submission}")
     assert review.status_code == 200

@@ -49,14 +49,14 @@ def test_each_field_is_graded_as_a_numeric_question(values: tuple[Any, Any]) -> 
         assert verdict.status is Status.INVALID_ANSWER
         assert (verdict.diagnosis or "").startswith(("Period T: ", "Mass: "))
         return
-    assert [one.passed for one in verdict.findings] == [one.findings[0].passed for one in alone]
-    assert [one.points for one in verdict.findings] == [one.points for one in alone]
-    assert [one.direction for one in verdict.findings] == [one.findings[0].direction for one in alone]
+    assert [finding.passed for finding in verdict.findings] == [one.findings[0].passed for one in alone]
+    assert [finding.points for finding in verdict.findings] == [one.points for one in alone]
+    assert [finding.direction for finding in verdict.findings] == [one.findings[0].direction for one in alone]
     assert verdict.read_as == f"Period T: {alone[0].read_as}; Mass: {alone[1].read_as}"
     for one, single in zip(verdict.findings, alone, strict=True):
         slip = (single.diagnosis or "").removeprefix("Your number")
         assert slip in f"{one.message} {verdict.diagnosis}"
-    assert verdict.evidence["value"] == [None if one.passed else one.measured for one in verdict.findings]
+    assert verdict.evidence["value"] == [None if finding.passed else finding.measured for finding in verdict.findings]
 
 
 def test_the_points_of_the_question_are_those_of_its_fields() -> None:
@@ -160,7 +160,7 @@ def test_faults_of_authors_name_the_field(tmp_path: Path, fields: Any, more: dic
 def test_remarks_name_the_field(tmp_path: Path) -> None:
     fields = [{**PERIOD, "unit": "steps"}, {"id": "z", "label": "Zero of $x", "answer": 0}]
     library = load(quiz_of(tmp_path, {"kind": "numbers", "q": "How much?", "fields": fields}))
-    assert {one.key for one in library.warnings} == {"q1.fields.0.unit", "q1.fields.1.tol", "q1.fields.1.label"}
+    assert {warning.key for warning in library.warnings} == {"q1.fields.0.unit", "q1.fields.1.tol", "q1.fields.1.label"}
 
 
 @pytest.mark.slow

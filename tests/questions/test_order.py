@@ -95,7 +95,12 @@ def test_only_expected_tells_what_follows() -> None:
     question = asked(ITEMS)
     verdict = grade_answer(question, ids_of(question, [ITEMS[0], ITEMS[2], ITEMS[4], ITEMS[1], ITEMS[3]]))
     assert verdict.points == 0
-    assert [one.expected for one in verdict.findings] == [ITEMS[1], ITEMS[3], f'"{ITEMS[4]}" comes last', ITEMS[2]]
+    assert [finding.expected for finding in verdict.findings] == [
+        ITEMS[1],
+        ITEMS[3],
+        f'"{ITEMS[4]}" comes last',
+        ITEMS[2],
+    ]
     assert verdict.findings[0].message == verdict.findings[0].direction
     assert verdict.findings[0].message == '"actuation" does not come directly after "position stage".'
 

@@ -58,7 +58,7 @@ def soak(rounds: int, backend: str) -> bool:
             print(f"{backend}: round {number + 1} of {rounds}", file=sys.stderr)
         with process_of("serve", settings) as server, client_of(settings, "tina", "instructor") as client:
             wait_until_ready(server, settings)
-            statuses = [one["verdict"]["status"] for one in verdicts_of(client, ids).values()]
+            statuses = [verdict["verdict"]["status"] for verdict in verdicts_of(client, ids).values()]
         database = Database(url)
         with database.read() as session:
             counts = list(session.scalars(select(func.count(VerdictRow.id)).group_by(VerdictRow.submission_id)))

@@ -110,6 +110,6 @@ def test_a_clock_that_jumps_back_beside_two_workers(url: str) -> None:
     with here.read() as session:
         verdicts = session.execute(select(VerdictRow.submission_id, func.count()).group_by(VerdictRow.submission_id))
         assert {row[0]: row[1] for row in verdicts} == dict.fromkeys(ids, 1)
-    assert tries == {one: 2 if one in failing else 1 for one in ids}
+    assert tries == {id_: 2 if id_ in failing else 1 for id_ in ids}
     for database in (here, there):
         database.close()

@@ -153,7 +153,7 @@ def test_a_worker_without_tasks_lives_and_logs_no_fault(database: Database) -> N
         time.sleep(0.2)
         assert worker.alive
         worker.stop()
-    assert [one for one in logs if one["log_level"] in ("error", "warning")] == []
+    assert [log for log in logs if log["log_level"] in ("error", "warning")] == []
 
 
 def count_running(database: Database) -> int:

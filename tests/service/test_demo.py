@@ -40,15 +40,17 @@ def test_a_seed_makes_the_same_class_and_another_seed_another() -> None:
 
 def test_a_class_works_for_weeks_and_gets_things_wrong() -> None:
     planned = plan(1)
-    assert planned == sorted(planned, key=lambda one: one.at)
+    assert planned == sorted(planned, key=lambda answer: answer.at)
     assert planned[-1].at < NOW and NOW - planned[0].at > timedelta(days=14)
-    assert len({one.learner.member_id for one in planned}) in range(20, 30)  # some have not begun
-    attempts = [sum(one.learner == two.learner and one.question == two.question for two in planned) for one in planned]
+    assert len({answer.learner.member_id for answer in planned}) in range(20, 30)  # some have not begun
+    attempts = [
+        sum(answer.learner == two.learner and answer.question == two.question for two in planned) for answer in planned
+    ]
     assert max(attempts) in (3, 4) and attempts.count(1) > 20
-    assert {one.question for one in planned} == {
+    assert {answer.question for answer in planned} == {
         "q1", "q2", "q3", "q4", "servo-threshold", "servo-explain", "rk4-step", "rk4-free-joint",
     }  # fmt: skip
-    scripts = [one.answer["source"] for one in planned if isinstance(one.answer, dict)]
+    scripts = [answer.answer["source"] for answer in planned if isinstance(answer.answer, dict)]
     assert not any("# diagnosis:" in source for source in scripts)  # what a program must get is not handed in
 
 
@@ -72,7 +74,9 @@ def test_the_verdicts_are_those_of_the_judge_and_nothing_is_mixed(tmp_path: Path
         assert {row.status for row in rows} <= {"graded", NEEDS_REVIEW}
         assert sum(row.status == NEEDS_REVIEW for row in rows) == filled.waiting
         results = session.scalars(select(Result)).all()
-        assert {(one.learner, one.question) for one in results} == {(row.learner, row.question) for row in rows}
+        assert {(result.learner, result.question) for result in results} == {
+            (row.learner, row.question) for row in rows
+        }
         assert policies.of_course(session, "default").keys() == {"1.3-check", "1.3-exercises"}
         names = set(session.scalars(select(Member.name)))
     assert len(names) == 3 and "instructor" in names

@@ -45,7 +45,9 @@ class Served:
     def servers(self) -> list[int]:
         """The servers; the worker is the one with grading processes below it."""
         return [
-            one for one in self.parts() if not any("grading.process_main" in command for _, command in descendants(one))
+            part
+            for part in self.parts()
+            if not any("grading.process_main" in command for _, command in descendants(part))
         ]
 
     @contextmanager
@@ -206,7 +208,7 @@ def test_the_folder_of_metrics_of_a_killed_serve_is_removed_by_the_next(tmp_path
             yield process, process.stdout.readline().strip()
 
     def folders() -> set[str]:
-        return {str(one) for one in tmp_path.iterdir()}
+        return {str(path) for path in tmp_path.iterdir()}
 
     with counting() as (killed, left), counting() as (_, kept):
         killed.kill()

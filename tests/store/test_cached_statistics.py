@@ -76,16 +76,16 @@ def vary(database: Database, chance: random.Random) -> None:
     """Gives every result other points, and an answer of its own: an option, a number, or several of either."""
     crash = "case {}: ZeroDivisionError: division by zero, in line 2 of your script."
     with database.write() as session:
-        for one in session.scalars(select(Result)):
-            one.max_points, is_right = chance.choice([0.3, 1.0, 2.0]), chance.random() < 0.4
-            one.points = one.max_points * (1.0 if is_right else chance.choice([0, 0.1, 1 / 3, 0.7]))
-            one.first_status = "correct" if is_right else "incorrect"
-            one.first_option = chance.choice([None, 0, 1, 2])
-            one.first_value = chance.choice([None, 5.0, 5.01, 0.1 + 0.2, 0.3])
-            one.first_several = chance.choice([None, None, '{"option": [0, 2]}'])
+        for result in session.scalars(select(Result)):
+            result.max_points, is_right = chance.choice([0.3, 1.0, 2.0]), chance.random() < 0.4
+            result.points = result.max_points * (1.0 if is_right else chance.choice([0, 0.1, 1 / 3, 0.7]))
+            result.first_status = "correct" if is_right else "incorrect"
+            result.first_option = chance.choice([None, 0, 1, 2])
+            result.first_value = chance.choice([None, 5.0, 5.01, 0.1 + 0.2, 0.3])
+            result.first_several = chance.choice([None, None, '{"option": [0, 2]}'])
             told = [*chance.sample(["A mistake.", "Another.", "A third."], chance.randint(0, 2)), crash.format(1)]
-            one.diagnoses = json.dumps([*told, crash.format(2)][: chance.randint(0, 4)])
-            one.is_final = chance.random() < 0.9
+            result.diagnoses = json.dumps([*told, crash.format(2)][: chance.randint(0, 4)])
+            result.is_final = chance.random() < 0.9
 
 
 def count_one_by_one(rows: list[Row]) -> QuizStatistics:
@@ -129,4 +129,4 @@ def test_statistics_are_bit_for_bit_those_of_rows_counted_one_by_one(database: D
         rows = [Row(*row) for rows in results.of_quiz(session, COURSE.name, COURSE.quiz) for row in rows]
     seen = [row for row in rows if row.learner not in without and row[:2] not in hidden]
     assert computed == count_one_by_one(seen)
-    assert all(one.discrimination and one.clusters and one.mistakes for one in computed.questions)
+    assert all(question.discrimination and question.clusters and question.mistakes for question in computed.questions)

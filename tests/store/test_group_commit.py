@@ -265,6 +265,6 @@ def test_without_the_database_nothing_is_tried_again(database: Database) -> None
         return items
 
     outcomes = put_together(database, [1, 2], store)
-    assert [type(one) for one in outcomes] == [OperationalError, OperationalError]
+    assert [type(outcome) for outcome in outcomes] == [OperationalError, OperationalError]
     assert tried == [[1, 2]]
     assert put_together(database, [1], insert_notes) == [1]

@@ -201,6 +201,6 @@ def test_old_keys_and_superseded_events_are_deleted_and_the_last_event_stays(sma
     assert prune(small, timedelta(days=30)) == 1202
     assert counts(small) == (0, 1201)
     with small.read() as session:
-        left = [[one.number for one in submissions.events_after(session, one.id, 0)] for one in waiting]
+        left = [[event.number for event in submissions.events_after(session, one.id, 0)] for one in waiting]
     assert left == [[1, 2], [2], [2]]
     assert prune(small, timedelta(days=30)) == 0

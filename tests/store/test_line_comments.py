@@ -37,22 +37,24 @@ def test_comments_are_exported_and_erased_with_the_learner_and_copies_are_emptie
                           (("ann", Role.STUDENT), ("bob", Role.STUDENT), ("tina", Role.INSTRUCTOR)))  # fmt: skip
         session.flush()
         hers, his, copy, own = hand_in(ann, "a"), hand_in(bob, "b"), hand_in(tina, "a SECRET"), hand_in(tina, "mine")
-        submissions.add(session, [(one, VERDICT) for one in (hers, his, copy, own)], THEN)
+        submissions.add(session, [(submission, VERDICT) for submission in (hers, his, copy, own)], THEN)
         for line, row in ((2, hers), (None, hers), (1, hers), (None, his)):
             session.add(LineComment(course="c", submission_id=row.id, line=line, text=f"on {line}", author=tina.id,
                                     name="tina"))  # fmt: skip
         session.add(TriedCopy(submission_id=copy.id, original=hers.id))
         ids = {"ann": ann.id, "hers": hers.id, "his": his.id, "copy": copy.id, "own": own.id, "tina": tina.id}
     with database.read() as session:
-        assert [one.line for one in line_comments.on_submissions(session, [ids["hers"]])[ids["hers"]]] == [None, 1, 2]
+        assert [
+            submission.line for submission in line_comments.on_submissions(session, [ids["hers"]])[ids["hers"]]
+        ] == [None, 1, 2]
         assert line_comments.copies_of(session, ids["hers"], ids["tina"]) == [ids["copy"]]
         assert line_comments.copies_of(session, ids["hers"], ids["ann"]) == []
         held = holdings_of(session, session.get_one(Member, ids["ann"]))
-        assert [one["text"] for one in held["submissions"][0]["line_comments"]] == ["on None", "on 1", "on 2"]
+        assert [comment["text"] for comment in held["submissions"][0]["line_comments"]] == ["on None", "on 1", "on 2"]
     with database.write() as session:
         erasure.erase(session, session.get_one(Member, ids["ann"]))
     with database.read() as session:
-        assert [one.submission_id for one in session.scalars(select(LineComment))] == [ids["his"]]
+        assert [comment.submission_id for comment in session.scalars(select(LineComment))] == [ids["his"]]
         emptied = session.get_one(Submission, ids["copy"])
         assert (emptied.answer, emptied.seed) == (ERASED, None)
         verdicts = submissions.verdicts_of(session, [ids["copy"], ids["own"]])

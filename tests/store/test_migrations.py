@@ -74,15 +74,15 @@ def shape(connection: Connection) -> dict[str, Any]:
     seen = inspect(connection)
     found: dict[str, Any] = {}
     for table in seen.get_table_names():
-        columns = {one["name"]: (str(one["type"]), one["nullable"]) for one in seen.get_columns(table)}
+        columns = {column["name"]: (str(column["type"]), column["nullable"]) for column in seen.get_columns(table)}
         keys = sorted(
-            (*one["constrained_columns"], one["referred_table"], *one["referred_columns"])
-            for one in seen.get_foreign_keys(table)
+            (*key["constrained_columns"], key["referred_table"], *key["referred_columns"])
+            for key in seen.get_foreign_keys(table)
         )
-        unique = sorted(tuple(one["column_names"]) for one in seen.get_unique_constraints(table))
+        unique = sorted(tuple(constraint["column_names"]) for constraint in seen.get_unique_constraints(table))
         indices = {
-            one["name"]: (one["column_names"], one["unique"], sorted(map(str, one["dialect_options"].values())))
-            for one in seen.get_indexes(table)
+            index["name"]: (index["column_names"], index["unique"], sorted(map(str, index["dialect_options"].values())))
+            for index in seen.get_indexes(table)
         }
         primary = sorted(seen.get_pk_constraint(table)["constrained_columns"])
         found[table] = (columns, primary, keys, unique, indices)

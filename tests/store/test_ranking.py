@@ -34,20 +34,20 @@ def database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 
 def scramble(session: Session, chance: random.Random) -> None:
-    for one in session.scalars(select(Result).order_by(Result.learner, Result.question)).all():
-        one.points, one.is_final = chance.choice((0.0, 0.5, 1.0)), chance.random() < 0.9
+    for result in session.scalars(select(Result).order_by(Result.learner, Result.question)).all():
+        result.points, result.is_final = chance.choice((0.0, 0.5, 1.0)), chance.random() < 0.9
         if chance.random() < 0.2:
-            session.delete(one)
+            session.delete(result)
         elif chance.random() < 0.2:
-            at = {"course": COURSE.name, "quiz": COURSE.quiz, "question": one.question, "name": "Tom", "points": 0.5}
-            session.add(Review(submission_id=one.submission_id, reviewer="tom", second=WAITING, **at))
+            at = {"course": COURSE.name, "quiz": COURSE.quiz, "question": result.question, "name": "Tom", "points": 0.5}
+            session.add(Review(submission_id=result.submission_id, reviewer="tom", second=WAITING, **at))
     session.get_one(Member, COURSE.learner(3)).name = session.get_one(Member, COURSE.learner(4)).name = "Zoe"
     session.execute(delete(Member).where(Member.id == COURSE.learner(5)))
 
 
 def from_scratch(session: Session, wanted: Ranking) -> list[tuple[str, str]]:
     """Every learner who is wanted, in order: reads all results and members, and sorts here."""
-    names = {one.id: one.name for one in session.scalars(select(Member))}
+    names = {member.id: member.name for member in session.scalars(select(Member))}
     unseen = {tuple(row[1:]) for row in unseen_marks(session, wanted.course, wanted.reviewer)}
     unseen = unseen if wanted.reviewer else set()
     theirs: dict[str, list[Result]] = defaultdict(list)
@@ -61,7 +61,7 @@ def from_scratch(session: Session, wanted: Ranking) -> list[tuple[str, str]]:
         several = theirs[learner]
         shown = {
             "all": True,
-            "waiting": not all(one.is_final for one in several),
+            "waiting": not all(result.is_final for result in several),
             "incomplete": len(several) < wanted.questions,
         }
         return learner not in wanted.without and wanted.find.lower() in name(learner) and shown[wanted.show]
@@ -69,8 +69,8 @@ def from_scratch(session: Session, wanted: Ranking) -> list[tuple[str, str]]:
     def key(learner: str) -> float | str:
         if wanted.by == "points":
             at = ("course", "learner", "quiz", "question")
-            seen = [one for one in theirs[learner] if tuple(getattr(one, name) for name in at) not in unseen]
-            return fsum(one.points for one in seen)
+            seen = [result for result in theirs[learner] if tuple(getattr(result, name) for name in at) not in unseen]
+            return fsum(result.points for result in seen)
         return name(learner) if wanted.by == "name" else len(theirs[learner])
 
     order = sorted(filter(is_wanted, theirs), key=lambda one: (name(one), one))
@@ -108,9 +108,9 @@ def test_sums_by_quiz_are_those_of_a_computation_from_scratch(database: Database
         expected: Any = {
             learner: {COURSE.quiz: (
                 pytest.approx(fsum(
-                    one.points for one in several if not reviewer or (learner, one.question) not in unseen
+                    result.points for result in several if not reviewer or (learner, result.question) not in unseen
                 )),
-                len(several), not all(one.is_final for one in several),
+                len(several), not all(result.is_final for result in several),
             )}
             for learner in learners for several in [theirs[learner]] if several
         }  # fmt: skip

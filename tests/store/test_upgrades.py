@@ -95,10 +95,10 @@ def test_the_tables_are_the_newest_and_the_answers_those_of_before(upgraded: Upg
 
 
 def test_a_request_of_before_is_replayed_and_not_counted_again(upgraded: Upgraded) -> None:
-    for one in upgraded.recorded["requests"]:
-        client = upgraded.client(one["user"])
-        sent = client.post(f"{API}/submissions", json=one["body"], headers={"Idempotency-Key": one["key"]})
-        assert (sent.status_code in (201, 202), sent.headers["Location"]) == (True, one["place"]), sent.text
+    for request in upgraded.recorded["requests"]:
+        client = upgraded.client(request["user"])
+        sent = client.post(f"{API}/submissions", json=request["body"], headers={"Idempotency-Key": request["key"]})
+        assert (sent.status_code in (201, 202), sent.headers["Location"]) == (True, request["place"]), sent.text
 
 
 def test_a_learner_of_before_answers_on(upgraded: Upgraded) -> None:

@@ -17,9 +17,9 @@ def theirs() -> Any:
     """The committed skip study on another processor, its ratios of one scene doubled."""
     found = load_results(DOCS / "measured")["skip"]
     found["machine"] |= {"processor": "Another", "cores": 8}
-    for one in found["scenes"]["cube"]["savings"].values():
-        one["ratio"] *= 2
-        one["interval"] = [2 * end for end in one["interval"]]
+    for saving in found["scenes"]["cube"]["savings"].values():
+        saving["ratio"] *= 2
+        saving["interval"] = [2 * end for end in saving["interval"]]
     return found
 
 

@@ -110,7 +110,7 @@ def test_the_other_version_was_measured_with_itself() -> None:
 def with_times(results: Any, factor: Callable[[], float]) -> Any:
     """The results with every measured time and ratio of times multiplied."""
     if isinstance(results, list):
-        return [with_times(one, factor) for one in results]
+        return [with_times(result, factor) for result in results]
     if not isinstance(results, dict):
         return results
     timed = {"ratio", "fixed_us", "reset_us"}

@@ -158,7 +158,7 @@ def test_the_page_has_every_setting_as_a_mark_and_a_row_and_loads_nothing() -> N
     assert count > 10
     assert text.count("<tr") == count + 1
     assert text.count('<g tabindex="0"><title>') == count
-    assert {f">{one.name}</text>" in text for one in INTEGRATORS} == {True}
+    assert {f">{integrator.name}</text>" in text for integrator in INTEGRATORS} == {True}
     assert f"tolerance {advice.selection.tolerance:.2g}" in text
     assert "uncertainty of the reference" in text
     points = re.search(r'class="front" points="([^"]+)"', text)

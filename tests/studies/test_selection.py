@@ -123,11 +123,11 @@ def test_no_cheaper_setting_passes_that_was_left_unmeasured() -> None:
 def test_the_front_holds_what_nothing_beats_in_cost_and_error() -> None:
     chosen = fine_choice()
     assert chosen.front
-    for one in chosen.candidates:
-        as_good = [c for c in chosen.candidates if c.cost <= one.cost and c.error <= one.error]
-        better = [c for c in as_good if (c.cost, c.error) != (one.cost, one.error)]
-        assert not (better and one in chosen.front)
-        assert better or {(c.cost, c.error) for c in chosen.front} >= {(one.cost, one.error)}
+    for candidate in chosen.candidates:
+        as_good = [c for c in chosen.candidates if c.cost <= candidate.cost and c.error <= candidate.error]
+        better = [c for c in as_good if (c.cost, c.error) != (candidate.cost, candidate.error)]
+        assert not (better and candidate in chosen.front)
+        assert better or {(c.cost, c.error) for c in chosen.front} >= {(candidate.cost, candidate.error)}
 
 
 @pytest.mark.parametrize("timestep_s", [0.003, 1 / 120, 0.0007])

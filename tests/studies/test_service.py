@@ -44,7 +44,7 @@ def test_a_class_answers_every_kind_and_types_new_numbers(tmp_path: Path) -> Non
     assert {type(kind) for kind in list_kinds().values()} == {
         type(kind) for kind in installed_kinds().values() if not kind.is_script
     }
-    assert [one["id"] for one in questions] == list(list_kinds())
+    assert [question["id"] for question in questions] == list(list_kinds())
     given = list(islice(make_answers(Random(1)), 4000))
     assert {name for name, _ in given} == set(list_kinds())
     library = load(tmp_path)
@@ -86,10 +86,10 @@ def test_the_same_is_measured_without_a_server() -> None:
 def test_every_exercise_of_the_first_lesson_is_measured() -> None:
     library = load(Settings().content, passed=PASSED)
     exercises = {
-        (quiz.id, one.id)
+        (quiz.id, question.id)
         for quiz in library.quizzes.values()
-        for one in quiz.questions
-        if isinstance(one, ScriptQuestion)
+        for question in quiz.questions
+        if isinstance(question, ScriptQuestion)
     }
     assert exercises == {("1.3-exercises", exercise) for exercise in PROGRAMS}
     for exercise, programs in PROGRAMS.items():

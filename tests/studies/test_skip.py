@@ -74,7 +74,7 @@ def test_a_run_writes_what_it_promises_and_is_not_repeated(tmp_path: Path) -> No
         "swimmer": (True, True),
         "reacher": (True, True),
     }
-    assert all(one["steps"] > 0 for one in summary["repeats"].values())
+    assert all(repeat["steps"] > 0 for repeat in summary["repeats"].values())
     assert (tmp_path / "skip.csv").read_text().count("servo") > flags
     for picture in ("skip.svg", "skip.png"):
         assert (tmp_path / picture).stat().st_size > 10_000

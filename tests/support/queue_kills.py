@@ -162,10 +162,10 @@ def verdicts_of(client: httpx.Client, ids: list[str]) -> dict[str, dict[str, Any
     graded: dict[str, dict[str, Any]] = {}
     while len(graded) < len(ids):
         assert time.monotonic() < deadline, f"{len(ids) - len(graded)} of {len(ids)} are not graded"
-        for one in ids:
-            if one not in graded:
-                shown = json.loads(client.get(f"/api/v1/submissions/{one}").text)
+        for id_ in ids:
+            if id_ not in graded:
+                shown = json.loads(client.get(f"/api/v1/submissions/{id_}").text)
                 if shown["status"] == "graded":
-                    graded[one] = shown
+                    graded[id_] = shown
         time.sleep(0.1)
     return graded

@@ -150,7 +150,7 @@ def test_from_an_empty_folder_to_an_answer(author: Author, browser: Chromium, tm
     mend_what_is_silent_elsewhere(author)
     correct_a_key_that_the_physics_refutes(author)
     add_a_prediction(author)
-    assert [one for one in author.complaints if "arm.png" not in one] == []
+    assert [complaint for complaint in author.complaints if "arm.png" not in complaint] == []
     with open_site(Settings(content=author.root, data=tmp_path / "data", workers=0)) as site:
         author.write_file([{**CHOICE, "label": "Warm-up"}, SPEED, FALL])
         publish(author, site, browser)

@@ -146,7 +146,7 @@ def test_the_part_that_is_shown_holds_the_limit_and_every_dot_a_pile(axis: Class
     low, high = choose_range(positions, axis)
     assert math.isfinite(low) and math.isfinite(high) and low < high
     assert axis.limit is None or low <= axis.limit <= high
-    plot = draw_class(make_answers([(one, one) for one in positions]), axis)
+    plot = draw_class(make_answers([(position, position) for position in positions]), axis)
     assert len(re.findall("<circle", plot.pictures)) == 2 * len(values) == 2 * len(plot.table)
     assert "nan" not in plot.pictures and "inf" not in plot.pictures
 
@@ -154,12 +154,12 @@ def test_the_part_that_is_shown_holds_the_limit_and_every_dot_a_pile(axis: Class
 @given(st.sampled_from([name for name in AXES if name not in ("no limit", "bracket")]), st.lists(numbers, min_size=1))
 def test_dots_stand_on_the_side_of_the_limit_where_their_numbers_are(name: str, values: list[float]) -> None:
     axis = AXES[name]
-    values = [abs(one) if axis.is_log else one for one in values]
-    plot = draw_class(make_answers([(place_number(one), place_number(one)) for one in sorted(values)]), axis)
+    values = [abs(value) if axis.is_log else value for value in values]
+    plot = draw_class(make_answers([(place_number(value), place_number(value)) for value in sorted(values)]), axis)
     wide = plot.pictures.partition("narrow-plot")[0]
     found = re.search(r'class="limit" d="m([\d.]+) ', wide)
     assert found is not None
-    right = sum(axis.accepts(place_number(one)) for one in values)
+    right = sum(axis.accepts(place_number(value)) for value in values)
     assert plot.near == right
     if axis.is_at_most or (axis.is_at_least and not axis.is_whole):
         across = sorted(float(x) for x in re.findall(r'cx="([\d.-]+)"', wide))

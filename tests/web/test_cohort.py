@@ -125,7 +125,7 @@ def test_one_comment_reaches_all_who_still_make_a_mistake(desk: Page, settings: 
         settings,
         lambda session: session.scalars(select(LineComment).where(LineComment.text.contains("Compare both"))).all(),
     )
-    assert len({one.submission_id for one in kept}) == len(kept) == count
+    assert len({comment.submission_id for comment in kept}) == len(kept) == count
 
 
 def test_the_statistics_lead_from_a_count_to_its_learners(desk: Page) -> None:
@@ -142,7 +142,9 @@ def test_statistics_fold_their_questions_the_hardest_first(desk: Page) -> None:
     assert desk.evaluate("document.documentElement.scrollHeight") < 2500
     assert desk.evaluate("document.documentElement.scrollWidth") == NARROW["width"]
     questions = desk.locator(".asked-question")
-    shares = [int(one.split()[0].removesuffix("%")) for one in questions.locator("summary .counted").all_inner_texts()]
+    shares = [
+        int(text.split()[0].removesuffix("%")) for text in questions.locator("summary .counted").all_inner_texts()
+    ]
     assert len(shares) > 2 and shares == sorted(shares)
     expect(questions.locator("table").first).to_be_hidden()
     question = questions.filter(has_text="The largest stable timestep")
@@ -341,7 +343,7 @@ def test_a_learner_sees_the_class_once_solved_and_nobodys_name(
     shown = page.content()
     assert not [other for other in list_names(settings) if other in shown and other != name]
     ids = in_database(settings, lambda session: list(session.scalars(select(Submission.id))))
-    assert not [one for one in ids if one in shown]
+    assert not [id_ for id_ in ids if id_ in shown]
     assert page.goto(f"{CLASS}").status == 403  # type: ignore[union-attr]
 
 

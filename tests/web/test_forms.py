@@ -112,7 +112,7 @@ def test_a_form_sent_twice_makes_one_submission(browser: httpx.Client) -> None:
     browser.post("/quizzes/1.3-check/q2", data=data | {"answer": "7 ms"})
     browser.post("/quizzes/1.3-check/q2", data=data | {"answer": "7 ms"})
     items = browser.get("/api/v1/submissions?quiz=1.3-check").json()["items"]
-    assert [one["attempt"] for one in items] == [1]
+    assert [item["attempt"] for item in items] == [1]
     browser.post("/quizzes/1.3-check/q2", data=data | {"answer": "8 ms"})
     assert len(browser.get("/api/v1/submissions?quiz=1.3-check").json()["items"]) == 2
 

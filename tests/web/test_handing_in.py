@@ -267,7 +267,7 @@ def test_the_command_line_and_the_packs_know_the_files(
     for name, suffix in (("three-geoms", ".xml"), ("weights", "'.npz .onnx'")):
         asked = library.question("made", name)
         assert isinstance(asked, ScriptQuestion)
-        said = next(one for one in scripts("made", asked, allow_t2=False) if one.path == "exercise.sh")
+        said = next(script for script in scripts("made", asked, allow_t2=False) if script.path == "exercise.sh")
         assert f"SUFFIXES={suffix}" in said.data.decode()
 
 

@@ -56,7 +56,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     content = write_content(folder / "content")
     (content / "quizzes" / "2-graded.json").write_text(json.dumps(GRADED))
     lesson = json.loads((ROOT / "quizzes" / "1.3-exercises.json").read_text())
-    script = next(one for one in lesson["questions"] if one["id"] == "rk4-step")
+    script = next(question for question in lesson["questions"] if question["id"] == "rk4-step")
     script.pop("starter", None)
     (content / "quizzes" / "3-scripts.json").write_text(
         json.dumps({**lesson, "id": "3-scripts", "questions": [script]})
@@ -258,7 +258,7 @@ def test_learners_of_one_name_are_told_apart_wherever_they_are_named(site: Site,
     addresses = ["gradebook?quiz=small", "people", "review?which=submissions"]
     for address in addresses:
         told = words(page(tina, f"/instructor/{address}"))
-        assert all(f"Kim …{one[-4:]}" in told for one in twins), address
+        assert all(f"Kim …{twin[-4:]}" in told for twin in twins), address
         assert "ann …" not in told
     for one, submission in ids.items():
         for address in (f"learners/{one}", f"learners/{one}/lessons/2", f"review/{submission}?which=submissions"):
@@ -266,7 +266,7 @@ def test_learners_of_one_name_are_told_apart_wherever_they_are_named(site: Site,
     rows = list(csv.DictReader(io.StringIO(tina.get(f"{API}/gradebook.csv?quiz=small").text)))
     assert {row["id"] for row in rows if row["user"] == "Kim"} == set(twins)
     students = [{line.partition(",")[0] for line in text.splitlines()[2:]} for text in exports]
-    assert students == [{"Kim"}, {f"Kim …{one[-4:]}" for one in twins}]  # Canvas finds a learner without ids by name
+    assert students == [{"Kim"}, {f"Kim …{twin[-4:]}" for twin in twins}]  # Canvas finds a learner without ids by name
 
 
 def test_a_reviewer_reads_when_the_learner_can_see_the_decision(site: Site, tina: httpx.Client) -> None:
@@ -333,7 +333,7 @@ def test_several_learners_get_an_extension_at_once_or_none_does(site: Site, tina
     told = words(tina.post(address, data=ticked).text)
     for name in ("ann", "bob", f"Kim …{last[-4:]}"):
         assert f"{name}: 2 further attempts" in told
-    assert {one["learner"] for one in tina.get(kept).json()["items"]} == {ids["ann"], ids["bob"], last}
+    assert {item["learner"] for item in tina.get(kept).json()["items"]} == {ids["ann"], ids["bob"], last}
 
 
 def test_learners_beyond_the_boxes_of_a_large_course_are_named(
@@ -346,7 +346,7 @@ def test_learners_beyond_the_boxes_of_a_large_course_are_named(
     assert page.count('name="learner-') == 1
     given = tina.post("/instructor/extensions", data={"quiz": "2-graded", "attempts": "1", "names": "bob"})
     assert "bob: 1 further attempt" in words(given.text)
-    assert [one["learner"] for one in tina.get(f"{API}/quizzes/2-graded/extensions").json()["items"]] == [ids["bob"]]
+    assert [item["learner"] for item in tina.get(f"{API}/quizzes/2-graded/extensions").json()["items"]] == [ids["bob"]]
 
 
 def test_the_feedback_is_published_and_withheld_by_form(site: Site, tina: httpx.Client) -> None:
@@ -436,7 +436,7 @@ def test_a_draft_is_read_previewed_and_published_as_it_was_seen(site: Site, tina
     assert re.findall(r'<option value="([^"]+)" selected>', chosen)[0] == "2-graded/which"
     assert "Why not?" in json.dumps(tina.get(f"{API}/quizzes/2-graded").json())
     assert "nothing to publish" in words(page(tina, DRAFT))
-    assert any(one["action"] == "content reloaded" for one in tina.get(f"{API}/audit").json()["items"])
+    assert any(item["action"] == "content reloaded" for item in tina.get(f"{API}/audit").json()["items"])
     path.write_text(json.dumps(GRADED))
     assert tina.post(f"{API}/content:reload").status_code == 200
 

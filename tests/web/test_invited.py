@@ -35,7 +35,9 @@ class Public:
         page.on("pageerror", lambda error: complaints.append(str(error)))
         yield page
         context.close()
-        assert [one for one in complaints if "status of 401" not in one] == []  # the page after signing out
+        assert [
+            complaint for complaint in complaints if "status of 401" not in complaint
+        ] == []  # the page after signing out
 
 
 @pytest.fixture(scope="module")

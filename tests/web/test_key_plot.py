@@ -62,6 +62,6 @@ def test_every_measurement_gives_a_picture_that_can_be_read(
         picture = ET.fromstring(f"<div>{figure.pictures}</div>")
         assert len(picture) == 2
         if measured is ladder:
-            dots = [one for one in picture[0].iter() if one.get("class", "").startswith("dot")]
+            dots = [element for element in picture[0].iter() if element.get("class", "").startswith("dot")]
             assert len(dots) == len(values) + 2
             assert ("within" in figure.title) == (abs(values[-1] - key) <= tolerance)

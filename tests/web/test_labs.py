@@ -415,7 +415,7 @@ def test_fifty_geoms_are_drawn_thirty_times_a_second(page: Page) -> None:
 
     def cpu_s() -> float:
         metrics = session.send("Performance.getMetrics")["metrics"]
-        return float(next(one["value"] for one in metrics if one["name"] == "ProcessTime"))
+        return float(next(metric["value"] for metric in metrics if metric["name"] == "ProcessTime"))
 
     began = cpu_s()
     slider.evaluate(

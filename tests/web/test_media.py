@@ -57,7 +57,7 @@ def sign_in(site: Site, name: str, role: str = "student") -> httpx.Client:
 
 
 def addresses(content: Path) -> dict[str, str]:
-    return {one.name: one.address for one in load(content).media.values()}
+    return {file.name: file.address for file in load(content).media.values()}
 
 
 def test_pictures_are_shown_and_files_are_downloads_to_whoever_sees_the_course(site: Site, content: Path) -> None:
@@ -89,7 +89,7 @@ def test_nothing_else_of_the_content_is_served_though_the_database_has_it(site: 
     stored = site.app.state.services.content.archive
     with stored._database.read() as session:
         kept = set(session.scalars(select(ContentFile.sha256)))
-    served = {one.sha256 for one in library.media.values()}
+    served = {file.sha256 for file in library.media.values()}
     others = kept - served
     assert others and served <= kept
     for sha256 in others:

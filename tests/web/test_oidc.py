@@ -137,7 +137,7 @@ def test_a_user_of_the_provider_gets_in_and_finds_the_work_again(both: Both) -> 
     assert made["user"] == "Ada Lovelace"
     both.provider.user["name"] = "Ada King"  # a name may change, the subject does not
     both.sign_in(second)
-    assert [one["id"] for one in second.get(f"{API}/submissions").json()["items"]] == [made["id"]]
+    assert [item["id"] for item in second.get(f"{API}/submissions").json()["items"]] == [made["id"]]
     assert "lost" not in second.get("/signout").text
 
 
@@ -147,7 +147,7 @@ def test_two_users_of_one_name_are_two_learners(both: Both) -> None:
         both.provider.user = {"sub": subject, "name": "Sam"}
         browsers.append(both.site.anonymous(OURS))
         both.sign_in(browsers[-1])
-    made = [one.post(f"{API}/submissions", json=ANSWER).json() for one in browsers]
+    made = [browser.post(f"{API}/submissions", json=ANSWER).json() for browser in browsers]
     assert made[0]["learner"] != made[1]["learner"]
     named = both.site.client("Sam", course="robots").get(f"{API}/submissions").json()["items"]
     assert named == []
@@ -207,7 +207,7 @@ def test_a_removed_member_stays_out(both: Both) -> None:
     browser = both.site.anonymous(OURS)
     both.sign_in(browser)
     teacher = both.site.client("tina", "instructor", course="robots")
-    [member] = [one for one in teacher.get(f"{API}/members").json()["items"] if one["name"] == "Mallory"]
+    [member] = [item for item in teacher.get(f"{API}/members").json()["items"] if item["name"] == "Mallory"]
     assert member["way_in"] == "oidc"
     assert teacher.delete(f"{API}/members/{member['id']}").status_code == 204
     assert browser.get(f"{API}/quizzes").status_code == 401
@@ -219,7 +219,7 @@ def test_a_member_made_an_instructor_signs_in_as_one(both: Both) -> None:
     browser = both.site.anonymous(OURS)
     both.sign_in(browser)
     teacher = both.site.client("tina", "instructor", course="robots")
-    [member] = [one for one in teacher.get(f"{API}/members").json()["items"] if one["name"] == "tom@example.org"]
+    [member] = [item for item in teacher.get(f"{API}/members").json()["items"] if item["name"] == "tom@example.org"]
     teacher.patch(f"{API}/members/{member['id']}", json={"role": "instructor"})
     assert both.sign_in(browser).headers["location"] == "/instructor"
 
@@ -233,7 +233,7 @@ def test_a_program_for_people_makes_no_instructor_of_a_user(both: Both) -> None:
     made = {"user": "robot", "role": "instructor", "scopes": ["people"]}
     token = teacher.post(f"{API}/tokens", json=made).json()["token"]
     robot = both.site.anonymous({"Authorization": f"Bearer {token}"})
-    [member] = [one for one in robot.get(f"{API}/members").json()["items"] if one["name"] == "Accomplice"]
+    [member] = [item for item in robot.get(f"{API}/members").json()["items"] if item["name"] == "Accomplice"]
     assert robot.patch(f"{API}/members/{member['id']}", json={"role": "instructor"}).status_code == 403
     assert both.sign_in(browser).headers["location"] == "/"
 
@@ -243,7 +243,7 @@ def test_a_demoted_user_signs_in_as_a_student(both: Both) -> None:
     browser = both.site.anonymous(OURS)
     both.sign_in(browser)
     teacher = both.site.client("tina", "instructor", course="robots")
-    [member] = [one for one in teacher.get(f"{API}/members").json()["items"] if one["name"] == "Prof"]
+    [member] = [item for item in teacher.get(f"{API}/members").json()["items"] if item["name"] == "Prof"]
     teacher.patch(f"{API}/members/{member['id']}", json={"role": "instructor"})
     both.sign_in(browser)
     assert browser.get("/instructor").status_code == 200

@@ -94,7 +94,7 @@ def test_the_instructor_page_tells_others_how_to_sign_in(client: httpx.Client) -
 STATIC = ROOT / "src/grader/web/static"
 
 
-@pytest.mark.parametrize("name", sorted(str(one.relative_to(STATIC)) for one in STATIC.rglob("*") if one.is_file()))
+@pytest.mark.parametrize("name", sorted(str(path.relative_to(STATIC)) for path in STATIC.rglob("*") if path.is_file()))
 def test_every_file_of_the_page_is_served(client: httpx.Client, name: str) -> None:
     first = client.get(f"/static/{name}")
     assert first.status_code == 200

@@ -137,7 +137,9 @@ def test_partners_are_dragged_and_chosen(page: Page) -> None:
         )
     for row, unit in enumerate(UNITS[2:], 2):
         options = units.locator("select").nth(row).locator("option").all_inner_texts()
-        units.locator("select").nth(row).select_option(next(one for one in options if one.endswith(f": {unit}")))
+        units.locator("select").nth(row).select_option(
+            next(option for option in options if option.endswith(f": {unit}"))
+        )
     assert send(page, "units") == "correct"
 
 
@@ -338,8 +340,8 @@ def test_statistics_and_stories_tell_the_parts_of_answers(site: Site) -> None:
     assert {option: n for option, n in counted("arrays").items() if n} == {0: 3, 1: 2, 2: 1, 3: 1}
     assert sum(counted("stages").values()) == 3 * 4
     assert sum(counted("units").values()) == 3 * 4
-    limits = [one for one in found["cart"]["clusters"] if 245 <= one["value"] <= 246]
-    assert [(one["number"], one["learners"]) for one in limits] == [(1, 2)]
+    limits = [cluster for cluster in found["cart"]["clusters"] if 245 <= cluster["value"] <= 246]
+    assert [(limit["number"], limit["learners"]) for limit in limits] == [(1, 2)]
     with site.app.state.services.database.write() as session:
         code = create_sign_in_code(session, "tina", "instructor", site.course)
         tina.cookies.set(COOKIE, redeem_sign_in_code(session, code).secret)

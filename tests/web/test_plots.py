@@ -178,7 +178,7 @@ def test_any_numbers_give_a_picture(
     x: list[float | None], y: list[float | None], log: bool, marks: list[float]
 ) -> None:
     chart = {"case": "a", "x": {"log": log}, "y": {"log": log}, "series": [{"x": x, "y": y}]}
-    chart |= {"marks": [] if log else [{"x": one} for one in marks]}
+    chart |= {"marks": [] if log else [{"x": mark} for mark in marks]}
     for figure in draw_figures({"charts": [chart]}, {}):
         for forbidden in ("nan", "inf"):
             assert forbidden not in str(figure.pictures).split("aria-label")[0]
@@ -197,7 +197,7 @@ def test_ticks_are_round_few_and_on_the_axis(low: float, size: float, about: int
 def test_ticks_of_a_log_axis_are_powers_of_ten() -> None:
     assert list_decades(1e-5, 1e-1, 5) == pytest.approx([1e-5, 1e-4, 1e-3, 1e-2, 1e-1])
     assert Axis(1e-5, 1, 0, 100, log=True).label(1e-3) == "10⁻³"
-    assert [trim(one) for one in (-0.01, 1.0, 2.25)] == ["0", "1", "2.2"]
+    assert [trim(value) for value in (-0.01, 1.0, 2.25)] == ["0", "1", "2.2"]
 
 
 def test_a_table_of_evidence_is_shown_with_its_case_and_a_crooked_one_is_left_out() -> None:

@@ -137,7 +137,7 @@ def test_two_reviewers_mark_by_keyboard_and_a_third_decision_settles(
     desk.get_by_role("button", name="Decide", exact=True).click()
     expect(tom.get_by_role("status").first).to_contain_text("Decided")
     assert learners[first].get(f"{API}/submissions/{first}").json()["verdict"]["points"] == 2
-    assert [one for one in complaints if "422" not in one] == []  # 422: nothing was ticked
+    assert [complaint for complaint in complaints if "422" not in complaint] == []  # 422: nothing was ticked
 
 
 def test_without_javascript_answers_are_claimed_decided_and_followed_by_the_next(
@@ -189,7 +189,7 @@ def test_without_javascript_answers_are_claimed_decided_and_followed_by_the_next
     form.get_by_label("Points").press("Enter")
     expect(una.get_by_role("status")).to_contain_text("Nothing else waits")
     verdicts = [client.get(f"{API}/submissions/{one}").json()["verdict"] for client, one in sent]
-    assert [one["points"] for one in verdicts] == [3, 1.5]
+    assert [verdict["points"] for verdict in verdicts] == [3, 1.5]
     assert verdicts[0]["findings"][0]["message"] == "Good.\nSee the bound.\nAnd kv."
 
     theirs.get_by_role("button", name="Decide", exact=True).click()  # of the page as it was before
@@ -208,7 +208,7 @@ def test_an_answer_is_left_to_others_and_no_other_site_can_decide(
     made = client.post(f"{API}/submissions", json=answer).json()["id"]
     vic = desk_of(browser, origin, settings, "vic", scripts=False)
     vic.goto(f"/instructor/review/{made}")
-    cookies = {one["name"]: one["value"] for one in vic.context.cookies()}
+    cookies = {cooky["name"]: cooky["value"] for cooky in vic.context.cookies()}
     form = {"do": "decide", "points": "4", "version": "1"}
     forged = httpx.post(
         f"{origin}/instructor/review/{made}", data=form, cookies=cookies, headers={"Sec-Fetch-Site": "cross-site"}

@@ -241,7 +241,7 @@ def test_a_lost_context_comes_back_and_a_dark_page_has_another_picture(
     wait_until(lambda: canvas_of(page).evaluate("canvas => canvas.toDataURL()") != bright)
     page.emulate_media(forced_colors="active", reduced_motion="reduce")
     assert canvas_of(page).evaluate(BLUES)["tones"] > 10
-    complaints[:] = [one for one in complaints if "CONTEXT_LOST" not in one]
+    complaints[:] = [complaint for complaint in complaints if "CONTEXT_LOST" not in complaint]
 
 
 def test_a_picture_takes_few_calls_little_time_and_no_more_memory_with_each_run(

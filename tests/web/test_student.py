@@ -69,7 +69,7 @@ def visit(origin: str, browser: Chromium) -> Iterator[Visit]:
     visit.page.goto("/")
     yield visit
     context.close()
-    assert [one for one in visit.complaints if not EXPECTED_NOISE.search(one)] == []
+    assert [complaint for complaint in visit.complaints if not EXPECTED_NOISE.search(complaint)] == []
 
 
 def test_tex_is_shown_as_mathematics(visit: Visit) -> None:

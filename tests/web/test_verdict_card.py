@@ -214,7 +214,9 @@ def test_what_a_script_says_of_itself_is_text() -> None:
 def test_a_script_that_ended_in_every_case_has_one_line_and_no_matrix() -> None:
     said = "Rename largest_timestep to largest_stable_timestep: the grader calls largest_stable_timestep."
     titles = [f"{case}, {column}" for case in ("seen", "hidden case 1") for column in ("Euler", "RK4")]
-    shown = card({"status": "crashed", "diagnosis": said, "findings": [finding(one, False, said) for one in titles]})
+    shown = card(
+        {"status": "crashed", "diagnosis": said, "findings": [finding(title, False, said) for title in titles]}
+    )
     assert (shown.diagnosis, shown.columns, shown.rows, shown.cells) == (said, (), (), ())
     assert shown.notes == ("None of the 4 cases ran to its end.",)
     alone = card({"status": "crashed", "diagnosis": said, "findings": []})

@@ -27,8 +27,8 @@ class Statement:
 
 def assemble(cells: Sequence[str], entry: str) -> str:
     """Returns the script that defines `entry`. Raises Sentence where no cell does."""
-    statements = [one for cell in cells for one in read_statements(cell)]
-    if not any(entry in one.binds for one in statements):
+    statements = [statement for cell in cells for statement in read_statements(cell)]
+    if not any(entry in statement.binds for statement in statements):
         raise Sentence(f"No cell defines {entry}: run the cell that has `def {entry}(...)` first.")
     chosen = {index for index, one in enumerate(statements) if "*" in one.binds}  # nobody knows what those bind
     waiting, known = [entry], set[str]()
@@ -95,7 +95,7 @@ def imports_this_client(node: ast.stmt) -> bool:
     """Whether a statement imports mjgrader, which the server does not have."""
     if isinstance(node, ast.ImportFrom):
         return (node.module or "").partition(".")[0] == OWN
-    return isinstance(node, ast.Import) and all(one.name.partition(".")[0] == OWN for one in node.names)
+    return isinstance(node, ast.Import) and all(name.name.partition(".")[0] == OWN for name in node.names)
 
 
 def walk_scope(node: ast.AST) -> Iterator[ast.AST]:

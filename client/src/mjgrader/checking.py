@@ -37,12 +37,12 @@ class Check:
     @property
     def passed(self) -> bool:
         """Whether every case that is judged here is right."""
-        return all(one["passed"] is not False for one in self.findings)
+        return all(finding["passed"] is not False for finding in self.findings)
 
     @property
     def obstacle(self) -> str:
         """Why not to hand in: what is missing in any case, or what every case raises; else empty."""
-        raised = [one["message"] for one in self.findings if one["raised"]]
+        raised = [finding["message"] for finding in self.findings if finding["raised"]]
         missing = [one for one in raised if one.startswith(MISSING)]
         return next(iter(missing or raised * (len(raised) == len(self.findings))), "")
 

@@ -71,18 +71,18 @@ def list_kits(folder: Path) -> Iterator[Kit]:
 
 def find_kit(folder: Path, question: str | None, entry: str | None = None, quiz: str | None = None) -> Kit:
     """Returns the kit of an exercise, or the only one whose function has this name. Raises Sentence."""
-    kits = [one for one in list_kits(folder) if quiz is None or one.exercise["quiz"] == quiz]
+    kits = [kit for kit in list_kits(folder) if quiz is None or kit.exercise["quiz"] == quiz]
     if question is not None:
-        found = [one for one in kits if one.name == question]
+        found = [kit for kit in kits if kit.name == question]
         if not found:
             raise Sentence(f'The kit of {question} is not in {folder}: get it with g.start("{question}").')
         return found[0]
     if len(kits) > 1 and entry is not None:
-        kits = [one for one in kits if one.exercise["entry"] == entry]
+        kits = [kit for kit in kits if kit.exercise["entry"] == entry]
     if not kits:
         raise Sentence('No kit fits: get it with g.start("the-exercise"), or name it with question="the-exercise".')
     if len(kits) > 1:
-        names = ", ".join(one.name for one in kits)
+        names = ", ".join(kit.name for kit in kits)
         raise Sentence(f'Several exercises fit ({names}): name one with question="{kits[0].name}".')
     return kits[0]
 

@@ -15,7 +15,7 @@ UNDER_WAY = ("queued", "running")
 
 def write_check(check: Any) -> str:
     """Returns a check as text."""
-    lines = [check.title, *(write_finding(one) for one in check.findings), *check.remarks]
+    lines = [check.title, *(write_finding(finding) for finding in check.findings), *check.remarks]
     return "\n".join([check.output, "", *lines] if check.output else lines)
 
 
@@ -27,17 +27,17 @@ def write_finding(finding: Mapping[str, Any]) -> str:
 def draw_check(check: Any) -> str:
     """Returns a check as HTML."""
     printed = f"<details><summary>printed</summary><pre>{escape(check.output)}</pre></details>" if check.output else ""
-    remarks = "".join(f"<p>{escape(one)}</p>" for one in check.remarks)
+    remarks = "".join(f"<p>{escape(remark)}</p>" for remark in check.remarks)
     return f'<div style="{BOX}"><b>{escape(check.title)}</b>{draw_findings(check.findings)}{printed}{remarks}</div>'
 
 
 def draw_findings(findings: Sequence[Mapping[str, Any]]) -> str:
     """Returns the cases as a table; a case under several integrators is a row of them."""
     rows = "".join(
-        f'<tr><td style="color:{COLOURS[one["passed"]]};white-space:nowrap">{MARKS[one["passed"]]}</td>'
-        f'<td style="text-align:left">{escape(str(one["title"]))}</td>'
-        f'<td style="text-align:left">{escape(str(one.get("message") or ""))}</td></tr>'
-        for one in findings
+        f'<tr><td style="color:{COLOURS[finding["passed"]]};white-space:nowrap">{MARKS[finding["passed"]]}</td>'
+        f'<td style="text-align:left">{escape(str(finding["title"]))}</td>'
+        f'<td style="text-align:left">{escape(str(finding.get("message") or ""))}</td></tr>'
+        for finding in findings
     )
     return f"{draw_matrix(findings)}<table>{rows}</table>"
 
@@ -45,10 +45,10 @@ def draw_findings(findings: Sequence[Mapping[str, Any]]) -> str:
 def draw_matrix(findings: Sequence[Mapping[str, Any]]) -> str:
     """Returns cases against integrators, where the titles say both; else nothing."""
     cells: dict[str, dict[str, Any]] = {}
-    for one in findings:
-        case, _, column = str(one["title"]).rpartition(", ")
+    for finding in findings:
+        case, _, column = str(finding["title"]).rpartition(", ")
         if case and column:
-            cells.setdefault(case, {})[column] = one["passed"]
+            cells.setdefault(case, {})[column] = finding["passed"]
     columns = list(dict.fromkeys(column for row in cells.values() for column in row))
     if len(cells) < 2 or not 2 <= len(columns) <= 8:
         return ""
@@ -121,7 +121,7 @@ class Answer:
     def __str__(self) -> str:
         verdict = self.verdict or {}
         told = [self.submission.get("withheld"), verdict.get("diagnosis"), verdict.get("stderr")]
-        findings = [write_finding(one) for one in verdict.get("findings") or []]
+        findings = [write_finding(finding) for finding in verdict.get("findings") or []]
         return "\n".join([self.heading, *filter(None, told), *findings, *self.facts])
 
     def __repr__(self) -> str:
@@ -139,7 +139,7 @@ class Answer:
         )
         drawn = "".join(pictures.draw_evidence(verdict.get("evidence") or {}))
         findings = draw_findings(verdict.get("findings") or []) if verdict.get("findings") else ""
-        facts = "".join(f"<div>{escape(one)}</div>" for one in self.facts)
+        facts = "".join(f"<div>{escape(fact)}</div>" for fact in self.facts)
         return f'<div style="{BOX}"><b>{escape(self.heading)}</b>{told}{findings}{drawn}{printed}{facts}</div>'
 
 
@@ -152,10 +152,10 @@ class Progress:
     def list_rows(self) -> Iterator[tuple[str, str, str, str]]:
         """Yields quiz, question, points and due date."""
         for quiz in self.quizzes:
-            for one in quiz.get("questions") or []:
-                result = one.get("result") or {}
-                points = f"{result.get('points', 0):g} of {one.get('points', result.get('max_points', 1)):g}"
-                yield str(quiz["id"]), str(one["id"]), points, write_moment(one.get("due"))
+            for question in quiz.get("questions") or []:
+                result = question.get("result") or {}
+                points = f"{result.get('points', 0):g} of {question.get('points', result.get('max_points', 1)):g}"
+                yield str(quiz["id"]), str(question["id"]), points, write_moment(question.get("due"))
 
     def __str__(self) -> str:
         rows = [("quiz", "question", "points", "due"), *self.list_rows()]

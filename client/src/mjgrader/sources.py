@@ -78,8 +78,10 @@ def refuse_other_code(function: Any, source: str) -> None:
     if code is None:
         return
     body = ast.parse(source).body  # IPython compiles statement by statement, and calls of what is imported differ then
-    modules = [ast.Module(statements, []) for statements in (body, *([one] for one in body))]
-    compiled = [compile(one, "script", "exec", flags=code.co_flags & FUTURE, dont_inherit=True) for one in modules]
+    modules = [ast.Module(statements, []) for statements in (body, *([node] for node in body))]
+    compiled = [
+        compile(module, "script", "exec", flags=code.co_flags & FUTURE, dont_inherit=True) for module in modules
+    ]
     defined = [one for whole in compiled for one in list_codes(whole) if one.co_name == code.co_name]
     if defined and strip_places(code) not in map(strip_places, defined):
         raise Sentence(
@@ -90,13 +92,13 @@ def refuse_other_code(function: Any, source: str) -> None:
 
 def list_codes(code: CodeType) -> Iterator[CodeType]:
     """Yields the codes of all functions and classes in a code, at any depth."""
-    for one in code.co_consts:
-        if isinstance(one, CodeType):
-            yield one
-            yield from list_codes(one)
+    for const in code.co_consts:
+        if isinstance(const, CodeType):
+            yield const
+            yield from list_codes(const)
 
 
 def strip_places(code: CodeType) -> CodeType:
     """Returns a code without file and lines, so that `==` compares instructions, constants and names."""
-    constants = tuple(strip_places(one) if isinstance(one, CodeType) else one for one in code.co_consts)
+    constants = tuple(strip_places(const) if isinstance(const, CodeType) else const for const in code.co_consts)
     return code.replace(co_filename="", co_firstlineno=1, co_linetable=b"", co_consts=constants)

@@ -41,9 +41,10 @@ def describe_operation(method: str, path: str, operation: dict[str, Any]) -> Ite
     yield f"{operation.get('description') or operation.get('summary', '')}\n"
     if parameters := operation.get("parameters"):
         yield "| parameter | in | type | |\n|---|---|---|---|"
-        for one in parameters:
-            needed = "required. " if one.get("required") else ""
-            yield f"| `{one['name']}` | {one['in']} | {name_type(one['schema'])} | {needed}{cell(one)} |"
+        for parameter in parameters:
+            needed = "required. " if parameter.get("required") else ""
+            name, place, kind = parameter["name"], parameter["in"], name_type(parameter["schema"])
+            yield f"| `{name}` | {place} | {kind} | {needed}{cell(parameter)} |"
         yield ""
     for kind, content in operation.get("requestBody", {}).get("content", {}).items():
         yield f"Body, `{kind}`: {name_type(content.get('schema', {}))}\n"

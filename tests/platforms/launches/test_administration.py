@@ -97,7 +97,7 @@ def test_a_platform_registers_itself_and_waits_for_approval(pair: Joined, other:
     begin = browser.get("/lti/login", params=other.login(origin))
     assert (begin.status_code, "waits for approval" in begin.text) == (401, True)
     admin = pair.site.client("root", "instructor", "default")
-    [made] = [one for one in get_json(admin, f"{API}/lti/platforms")["items"] if one["issuer"] == other.origin]
+    [made] = [item for item in get_json(admin, f"{API}/lti/platforms")["items"] if item["issuer"] == other.origin]
     assert (made["approved"], made["origins"]) == (False, [other.origin])
     assert made["deployments"] == [{"deployment_id": other.deployment_id, "approved": False}]
     assert admin.post(f"{API}/lti/platforms/{made['id']}:approve").json()["approved"]
@@ -204,8 +204,8 @@ def test_deployments_that_wait_are_bounded(pair: Joined) -> None:
     assert pair.launch(pair.browser(), **{f"{CLAIM}deployment_id": "one more"}).status_code == 403
     with pair.database.read() as session:
         noted = platforms.deployments(session, row.id)
-    assert sum(one.approved_at is None for one in noted) == PENDING_MAX
-    assert "one more" not in {one.deployment_id for one in noted}
+    assert sum(deployment.approved_at is None for deployment in noted) == PENDING_MAX
+    assert "one more" not in {deployment.deployment_id for deployment in noted}
 
 
 # page
@@ -218,7 +218,7 @@ def test_the_page_registers_approves_and_removes(pair: Joined) -> None:
     page = admin.get("/instructor/lti").text
     assert form["name"] in page
     client = pair.site.client("root", "instructor", "default")
-    [made] = [one for one in get_json(client, f"{API}/lti/platforms")["items"] if one["name"] == form["name"]]
+    [made] = [item for item in get_json(client, f"{API}/lti/platforms")["items"] if item["name"] == form["name"]]
     assert made["origins"] == ["https://a.example", "https://b.example"]
     assert admin.post(f"/instructor/lti/platforms/{made['id']}/approve").status_code == 303
     again = admin.post("/instructor/lti/platforms", data=form)

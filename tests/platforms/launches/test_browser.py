@@ -195,7 +195,7 @@ def scores_of(platform: Platform, subject: str) -> list[dict[str, Any]]:
 
 
 def session_cookie(context: BrowserContext, site: str) -> dict[str, Any]:
-    [cookie] = [dict(one) for one in context.cookies(site) if one["name"] == "__Host-grader_session"]
+    [cookie] = [dict(cooky) for cooky in context.cookies(site) if cooky["name"] == "__Host-grader_session"]
     return cookie
 
 

@@ -40,7 +40,7 @@ def test_canvas_gets_the_same_addresses(pair: Joined) -> None:
     assert told["target_link_uri"] == here["launch_url"]
     assert told["public_jwk_url"] == here["keys_url"]
     [extension] = told["extensions"]
-    assert {one["placement"] for one in extension["settings"]["placements"]} == {
+    assert {placement["placement"] for placement in extension["settings"]["placements"]} == {
         "assignment_selection",
         "link_selection",
     }

@@ -148,15 +148,15 @@ def test_this_tools_keys_rotate_and_are_published_for_a_day(backend: str, tmp_pa
         clock = now()
         keys = ToolKeys(database, lambda: clock)
         token = keys.sign({"a": 1})
-        assert [one["kid"] for one in ToolKeys(database).public()["keys"]] == [kid_of(keys)]
+        assert [key["kid"] for key in ToolKeys(database).public()["keys"]] == [kid_of(keys)]
         assert not {"d", "p", "q", "dp", "dq", "qi"} & set(keys.public()["keys"][0])
         first = kid_of(keys)
         second = keys.rotate()
-        assert {one["kid"] for one in keys.public()["keys"]} == {first, second}
+        assert {key["kid"] for key in keys.public()["keys"]} == {first, second}
         assert kid_of(keys) == second
         assert jwt.decode(token, KeySet.import_key_set(keys.public()), algorithms=["RS256"]).claims == {"a": 1}  # type: ignore[arg-type]
         clock += PUBLISHED + timedelta(seconds=1)
-        assert [one["kid"] for one in keys.public()["keys"]] == [second]
+        assert [key["kid"] for key in keys.public()["keys"]] == [second]
         with database.read() as session:
             entries = [(one.name, one.action, one.subject) for one in audit_page(session, DEFAULT_COURSE, None, 9)]
         assert entries == [("command line", "signing key rotated", second)]

@@ -56,7 +56,7 @@ def test_a_learner_comes_back_as_the_same_learner(pair: Joined) -> None:
     made = first.post(f"{API}/submissions", json={"quiz": "small", "question": "q1", "answer": 1}).json()
     assert made["user"] == "Ada Lovelace"
     pair.launch(second, name="Ada King")  # a name may change, the subject does not
-    assert [one["id"] for one in get_json(second, f"{API}/submissions")["items"]] == [made["id"]]
+    assert [item["id"] for item in get_json(second, f"{API}/submissions")["items"]] == [made["id"]]
     other = pair.browser(**OURS)
     pair.launch(other, sub="user-8")  # a learner of the same name is another one
     assert get_json(other, f"{API}/submissions")["items"] == []
@@ -113,7 +113,7 @@ def test_a_deployment_is_noted_and_waits_for_approval(pair: Joined) -> None:
 def test_a_removed_member_stays_out(pair: Joined) -> None:
     pair.launch(pair.browser(), sub="mallory", name="Mallory")
     teacher = pair.site.client("tina", "instructor", pair.course)
-    [member] = [one for one in get_json(teacher, f"{API}/members")["items"] if one["name"] == "Mallory"]
+    [member] = [item for item in get_json(teacher, f"{API}/members")["items"] if item["name"] == "Mallory"]
     assert member["way_in"] == "lti"
     teacher.delete(f"{API}/members/{member['id']}")
     browser = pair.browser()
@@ -323,7 +323,7 @@ def test_a_roster_is_pulled_page_by_page(pair: Joined) -> None:
     pair.launch(pair.browser(), **{NRPS: service})
     pulled = teacher.post(f"{API}/lti/contexts/{context['id']}:roster")
     assert pulled.json() == {"members": 3, "removed": 0}
-    found = {one["name"]: one["role"] for one in get_json(teacher, f"{API}/members")["items"]}
+    found = {item["name"]: item["role"] for item in get_json(teacher, f"{API}/members")["items"]}
     assert found == {"Ada Lovelace": "student", "Grace Hopper": "student", "Tom": "instructor", "tina": "instructor"}
     again = teacher.post(f"{API}/lti/contexts/{context['id']}:roster")
     assert again.json() == {"members": 3, "removed": 0}
@@ -340,7 +340,7 @@ def test_a_name_follows_the_platform_unless_an_instructor_has_set_it(pair: Joine
     [context] = get_json(teacher, f"{API}/lti/contexts")["items"]
 
     def shown() -> tuple[str, str | None]:
-        [one] = [one for one in get_json(teacher, f"{API}/members")["items"] if one["way_in"] == "lti"]
+        [one] = [item for item in get_json(teacher, f"{API}/members")["items"] if item["way_in"] == "lti"]
         return one["name"], one["named_by"]
 
     def pull() -> None:
@@ -364,8 +364,8 @@ def test_a_name_follows_the_platform_unless_an_instructor_has_set_it(pair: Joine
     imported = teacher.post(f"{API}/roster:import", content=csv, headers={"Content-Type": "text/csv"})
     assert imported.status_code == 200, imported.text
     assert shown() == ("Countess", "tina")
-    entries = [one for one in get_json(teacher, f"{API}/audit")["items"] if one["action"] == "member renamed"]
-    assert [one["subject"] for one in entries] == ["Countess"]
+    entries = [item for item in get_json(teacher, f"{API}/audit")["items"] if item["action"] == "member renamed"]
+    assert [entry["subject"] for entry in entries] == ["Countess"]
 
     assert teacher.patch(address, json={"name": None}).json()["named_by"] is None
     assert shown() == ("Countess", None)
@@ -381,7 +381,7 @@ def test_a_name_follows_the_platform_unless_an_instructor_has_set_it(pair: Joine
 
 def member_id(teacher: httpx.Client) -> str:
     """The member who was launched."""
-    found = [one["id"] for one in get_json(teacher, f"{API}/members")["items"] if one["way_in"] == "lti"]
+    found = [item["id"] for item in get_json(teacher, f"{API}/members")["items"] if item["way_in"] == "lti"]
     return str(found[0])
 
 
@@ -400,7 +400,7 @@ def test_who_is_on_two_rosters_is_two_members_and_the_instructor_is_told(pair: J
     [context] = get_json(teacher, f"{API}/lti/contexts")["items"]
     for _ in range(2):
         assert teacher.post(f"{API}/lti/contexts/{context['id']}:roster").status_code == 200
-    found = {one["name"]: one for one in get_json(teacher, f"{API}/members")["items"]}
+    found = {item["name"]: item for item in get_json(teacher, f"{API}/members")["items"]}
     assert set(found) == {"tina", "Ada L.", "Bob", "Ada Lovelace", "Grace Hopper"}  # each once
     here, there = found["Ada L."], found["Ada Lovelace"]
     assert (here["same_email"], there["same_email"]) == ([there["id"]], [here["id"]])
