@@ -127,7 +127,7 @@ class Walk:
                 continue
             names = re.findall(r"{(\w+)(?::\w+)?}", path)
             if all(name in self.fills for name in names):
-                yield re.sub(r"{(\w+)(?::\w+)?}", lambda found: self.fills[found[1]], path)
+                yield re.sub(r"{(\w+)(?::\w+)?}", lambda match: self.fills[match[1]], path)
 
     def read(self, client: httpx.Client) -> dict[str, str]:
         """The text of every address that the client may read."""

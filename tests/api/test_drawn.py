@@ -38,9 +38,9 @@ def asked(client: httpx.Client) -> str:
 
 
 def angle_in(text: str) -> float:
-    found = re.search(r"let go at ([\d.]+) rad", text)
-    assert found, text
-    return float(found[1])
+    match = re.search(r"let go at ([\d.]+) rad", text)
+    assert match, text
+    return float(match[1])
 
 
 def right_at(angle: float) -> float:

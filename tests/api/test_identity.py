@@ -106,9 +106,9 @@ def test_beyond_loopback_nobody_begins_a_session(open_site_with: Callable[..., S
 
 def test_a_cookie_lives_as_long_as_its_session(site: Site, nobody: httpx.Client) -> None:
     def max_age(response: httpx.Response) -> int:
-        found = re.search(r"Max-Age=(\d+)", response.headers["set-cookie"])
-        assert found
-        return int(found[1])
+        match = re.search(r"Max-Age=(\d+)", response.headers["set-cookie"])
+        assert match
+        return int(match[1])
 
     assert max_age(nobody.post("/session", headers=OURS)) == sign_in.LEARNER_SESSION.total_seconds()
     code = sign_in_url(site.settings).partition("code=")[2]
@@ -143,11 +143,11 @@ def test_signing_out_warns_and_a_return_link_brings_the_work_back(nobody: httpx.
     assert "lost" in nobody.get("/signout").text
     links = []
     for _ in range(2):
-        found = re.search(
+        match = re.search(
             rf"readonly>{site.origin}(/signin\?code=\w+)<", nobody.post("/signout/link", headers=OURS).text
         )
-        assert found
-        links.append(found[1])
+        assert match
+        links.append(match[1])
     assert nobody.post("/signout", headers=OURS).status_code == 303
     assert nobody.get(f"{API}/quizzes").status_code == 401
 

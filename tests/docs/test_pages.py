@@ -74,8 +74,8 @@ def shell(page: Path) -> Iterator[list[str]]:
     for kind, text in FENCE.findall(page.read_text(encoding="utf-8")):
         if kind in ("sh", "yaml"):
             for line in re.sub(r"\\\n", " ", text).splitlines():
-                if found := re.match(r" *(?:- )?(?:[A-Z_]+=\S+ )*(?:\.venv/bin/)?grader ([^>#]*)", line):
-                    yield shlex.split(found[1])
+                if match := re.match(r" *(?:- )?(?:[A-Z_]+=\S+ )*(?:\.venv/bin/)?grader ([^>#]*)", line):
+                    yield shlex.split(match[1])
 
 
 CALLS = [(name_of(page), words) for page in PAGES for words in shell(page)]

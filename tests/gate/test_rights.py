@@ -170,7 +170,7 @@ class World:
         body = (BODIES if is_api else FORMS).get(row.name, {}) if real else NONSENSE
         missing = {name: "9" * 12 for name in self.ids if name not in CONTENT}
         ids = self.ids if real or row.is_read else self.ids | missing
-        url = re.sub(r"\{(\w+)[^}]*\}", lambda found: ids[found[1]], row.path)
+        url = re.sub(r"\{(\w+)[^}]*\}", lambda match: ids[match[1]], row.path)
         headers = {"If-Match": "*", "Sec-Fetch-Site": "same-origin", **self.headers[kind]}
         if row.is_read:
             text = None

@@ -250,9 +250,9 @@ def test_without_its_model_nothing_runs(case: Case) -> None:
 
 def box_of(page: str, case: Case) -> str:
     """The card of the lab on the lesson's page."""
-    found = re.search(rf'<article [^>]*id="labs--{case.name}".*?</article>', page, re.DOTALL)
-    assert found is not None
-    return found[0]
+    match = re.search(rf'<article [^>]*id="labs--{case.name}".*?</article>', page, re.DOTALL)
+    assert match is not None
+    return match[0]
 
 
 def test_the_page_has_its_skeleton_and_a_still(site: Site, case: Case) -> None:

@@ -197,13 +197,13 @@ def mistake_tex(place: Place) -> Iterator[Mistake]:
     """Formulas: a brace is missing, a command is misspelt, a dollar is missing, a slash is single."""
     if not is_text(place):
         return
-    for found in [*re.finditer(r"\$[^$]+\$", place.value)][:2]:
-        before, after = place.value[: found.start()], place.value[found.end() :]
-        yield place.mistake("dollar missing", before + found[0][:-1] + after)
-        if "{" in found[0]:
-            yield place.mistake("brace missing", before + found[0].replace("}", "", 1) + after)
-        if command := re.search(r"\\([a-z]{4,})", found[0]):
-            yield place.mistake("misspelt TeX", before + found[0].replace(command[1], swap(command[1]), 1) + after)
+    for match in [*re.finditer(r"\$[^$]+\$", place.value)][:2]:
+        before, after = place.value[: match.start()], place.value[match.end() :]
+        yield place.mistake("dollar missing", before + match[0][:-1] + after)
+        if "{" in match[0]:
+            yield place.mistake("brace missing", before + match[0].replace("}", "", 1) + after)
+        if command := re.search(r"\\([a-z]{4,})", match[0]):
+            yield place.mistake("misspelt TeX", before + match[0].replace(command[1], swap(command[1]), 1) + after)
     yield place.mistake("formula without brace", f"{place.value} $\\frac{{1}}{{2$")
     yield place.mistake("formula with an unknown command", f"{place.value} $\\sqr{{2}}$")
 
@@ -212,11 +212,11 @@ def mistake_html(place: Place) -> Iterator[Mistake]:
     """HTML: a tag is misspelt, not closed, or unknown; Markdown; pictures that are not there."""
     if not is_text(place):
         return
-    if found := re.search(r"<(code|b|em|strong|ul|ol|sub|sup|pre)>", place.value):
-        end = f"</{found[1]}>"
+    if match := re.search(r"<(code|b|em|strong|ul|ol|sub|sup|pre)>", place.value):
+        end = f"</{match[1]}>"
         if end in place.value:
             yield place.mistake("tag not closed", place.value.replace(end, "", 1))
-            yield place.mistake("tag misspelt", place.value.replace(found[0], f"<{found[1]}x>", 1))
+            yield place.mistake("tag misspelt", place.value.replace(match[0], f"<{match[1]}x>", 1))
     yield place.mistake("code not closed", f"{place.value} The field <code>qpos.")
     yield place.mistake("unknown tag", f"{place.value} <centre>Look</centre>")
     yield place.mistake("Markdown bold", f"{place.value} This is **important**.")
@@ -259,9 +259,9 @@ def mistake_expressions(place: Place) -> Iterator[Mistake]:
         return
     if place.name not in PROGRAMS and "claims" not in place.way:
         return
-    for found in [*re.finditer(r"\b(?:data|model|lib|Math)\.(\w+)", text)][:2]:
-        if len(found[1]) > 3:
-            wrong = text[: found.start(1)] + swap(found[1]) + text[found.end(1) :]
+    for match in [*re.finditer(r"\b(?:data|model|lib|Math)\.(\w+)", text)][:2]:
+        if len(match[1]) > 3:
+            wrong = text[: match.start(1)] + swap(match[1]) + text[match.end(1) :]
             yield place.mistake("misspelt field", wrong)
     if element := re.search(r"\b(data|model)\.\w+\[\d+\]", text):
         yield place.mistake("element not there", text.replace(element[0], re.sub(r"\[\d+\]", "[70]", element[0]), 1))

@@ -109,9 +109,9 @@ def served(installed: Path, outside: dict[str, str], tmp_path: Path) -> Iterator
     with subprocess.Popen(command, cwd=tmp_path, env=outside, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
-            found = re.match(r"Student page: +(\S+)/", process.stdout.readline())
-            assert found, "the service does not start"
-            yield found[1]
+            match = re.match(r"Student page: +(\S+)/", process.stdout.readline())
+            assert match, "the service does not start"
+            yield match[1]
         finally:
             process.terminate()
 

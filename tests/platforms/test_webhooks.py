@@ -139,8 +139,8 @@ def test_a_failed_delivery_is_tried_again_under_its_id_with_a_new_time(site: Sit
 def dead_letters(site: Site) -> float:
     """Those of webhooks, of all courses, as the server's metrics count them."""
     text = site.anonymous().get("/metrics").text
-    found = re.search(r'^grader_outbox_deliveries\{kind="webhook",state="dead"\} (\S+)$', text, re.MULTILINE)
-    return 0.0 if found is None else float(found[1])
+    match = re.search(r'^grader_outbox_deliveries\{kind="webhook",state="dead"\} (\S+)$', text, re.MULTILINE)
+    return 0.0 if match is None else float(match[1])
 
 
 def test_after_the_last_try_it_is_a_dead_letter_which_is_replayed(

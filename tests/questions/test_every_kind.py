@@ -319,9 +319,9 @@ def reader(page_site: Site) -> httpx.Client:
 
 def card_of(page: str, case: Case) -> str:
     """The card of a question on the lesson's page."""
-    found = re.search(rf'<article [^>]*id="every--{case.name}".*?</article>', page, re.DOTALL)
-    assert found is not None
-    return found[0]
+    match = re.search(rf'<article [^>]*id="every--{case.name}".*?</article>', page, re.DOTALL)
+    assert match is not None
+    return match[0]
 
 
 def posted(reader: httpx.Client, case: Case, answer: Any) -> httpx.Response:

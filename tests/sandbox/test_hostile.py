@@ -40,8 +40,8 @@ GROWTH_KB_MAX = 60_000  # the largest flood is 16 MB of results, held twice whil
 
 def limits(source: str) -> Limits:
     """The defaults of the suite, or those in the program's second line."""
-    found = re.search(r"^# limits: (.*)$", source, re.M)
-    given = dict(pair.split("=") for pair in found.group(1).split()) if found else {}
+    match = re.search(r"^# limits: (.*)$", source, re.M)
+    given = dict(pair.split("=") for pair in match.group(1).split()) if match else {}
     return Limits.model_validate({"cpu_s": 2.0, "wall_s": 10.0, "memory_mb": 256, "output_kb": 16} | given)
 
 

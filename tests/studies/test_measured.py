@@ -345,7 +345,7 @@ def test_no_number_or_superlative_is_left_without_a_claim() -> None:
     text = prose()
     for part in sorted((*DEFINITIONS, *(claim() for claim in SIMULATED)), key=len, reverse=True):
         text = text.replace(part, "")
-    left = [text[max(0, found.start() - 50) : found.end() + 30] for found in NUMBER.finditer(text)]
+    left = [text[max(0, match.start() - 50) : match.end() + 30] for match in NUMBER.finditer(text)]
     assert not left, "\n".join(left)
 
 

@@ -55,15 +55,15 @@ def wait_for(browser: TestClient, path: str, words: str) -> str:
 
 
 def read_seen(text: str) -> str:
-    found = re.search(r'data-seen="([^"]+)"', text)
-    assert found
-    return found[1]
+    match = re.search(r'data-seen="([^"]+)"', text)
+    assert match
+    return match[1]
 
 
 def tag_in(text: str) -> str:
-    found = re.search(r'name="tag" value="([\w-]+)"', text)
-    assert found
-    return found[1]
+    match = re.search(r'name="tag" value="([\w-]+)"', text)
+    assert match
+    return match[1]
 
 
 def test_a_question_is_shown_with_its_source_its_certificate_and_how_answers_are_read(browser: TestClient) -> None:

@@ -157,13 +157,13 @@ def test_dots_stand_on_the_side_of_the_limit_where_their_numbers_are(name: str, 
     values = [abs(value) if axis.is_log else value for value in values]
     plot = draw_class(make_answers([(place_number(value), place_number(value)) for value in sorted(values)]), axis)
     wide = plot.pictures.partition("narrow-plot")[0]
-    found = re.search(r'class="limit" d="m([\d.]+) ', wide)
-    assert found is not None
+    match = re.search(r'class="limit" d="m([\d.]+) ', wide)
+    assert match is not None
     right = sum(axis.accepts(place_number(value)) for value in values)
     assert plot.near == right
     if axis.is_at_most or (axis.is_at_least and not axis.is_whole):
         across = sorted(float(x) for x in re.findall(r'cx="([\d.-]+)"', wide))
-        before = sum(x < float(found[1]) for x in across)
+        before = sum(x < float(match[1]) for x in across)
         assert before == (right if axis.is_at_most else len(values) - right)
 
 

@@ -45,9 +45,9 @@ def browser(origin: str) -> Iterator[httpx.Client]:
 
 def card(page: str, name: str) -> str:
     """One question of a page."""
-    found = re.search(rf'<article [^>]*id="{re.escape(name)}".*?</article>', page, re.DOTALL)
-    assert found is not None, page
-    return found[0]
+    match = re.search(rf'<article [^>]*id="{re.escape(name)}".*?</article>', page, re.DOTALL)
+    assert match is not None, page
+    return match[0]
 
 
 def fields(form: str) -> dict[str, str]:

@@ -489,9 +489,9 @@ def test_a_draft_is_for_instructors(site: Site) -> None:
 
 
 def revision_in(text: str) -> str:
-    found = re.search(r'name="revision" value="(\w{64})"', text)
-    assert found
-    return found[1]
+    match = re.search(r'name="revision" value="(\w{64})"', text)
+    assert match
+    return match[1]
 
 
 def test_the_chance_of_luck_is_computed_once_when_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -134,9 +134,9 @@ def test_a_learner_reads_that_an_answer_was_graded_again(browser: httpx.Client, 
     assert "Graded again" not in send(browser, "1.1-open", "0").text
     grade_again(settings, "1.1-open")
     told = card(browser.get("/lessons/1.1").text, "1.1-open--q")
-    found = re.search(r"Graded again on <time[^>]*>([^<]*)</time>([^<]*)", told)
-    assert found is not None
-    assert (found[1] + found[2]).endswith("UTC, after a change of the question or its key: 1 of 1 now, 0 of 1 before.")
+    match = re.search(r"Graded again on <time[^>]*>([^<]*)</time>([^<]*)", told)
+    assert match is not None
+    assert (match[1] + match[2]).endswith("UTC, after a change of the question or its key: 1 of 1 now, 0 of 1 before.")
 
 
 def test_a_withheld_verdict_does_not_tell_that_it_was_changed(browser: httpx.Client, settings: Settings) -> None:

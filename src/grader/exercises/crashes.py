@@ -28,9 +28,9 @@ SLIPS = frozenset(
 Advise = Callable[[re.Match[str]], str]
 
 
-def advise_on_attribute(found: re.Match[str]) -> str:
+def advise_on_attribute(match: re.Match[str]) -> str:
     """Advises on an attribute of the wrong object."""
-    kind, name = found[1].rpartition(".")[2], found[2]
+    kind, name = match[1].rpartition(".")[2], match[2]
     if name in OF_MODEL and kind != "MjModel":
         return f"{name} belongs to the model: the arguments may be in the wrong order"
     if name in OF_DATA and kind != "MjData":
@@ -67,25 +67,25 @@ IMPORTS = {"np": "import numpy as np", "numpy": "import numpy", "math": "import 
 RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
     (
         re.compile(rf"NameError: name '({'|'.join(IMPORTS)})' is not defined"),
-        lambda found: f"add the line: {IMPORTS[found[1]]}",
+        lambda match: f"add the line: {IMPORTS[match[1]]}",
     ),
     (
         re.compile(r"No module named '([\w.]+)'"),
-        lambda found: f"{found[1]} is not installed here; a script can import {PACKAGES}",
+        lambda match: f"{match[1]} is not installed here; a script can import {PACKAGES}",
     ),
     (
         re.compile(r"UnboundLocalError: .*local variable '(\w+)'"),
-        lambda found: (
-            f"a function that assigns {found[1]} makes it its own: write nonlocal {found[1]} at its beginning, or "
-            f"global {found[1]} if it belongs to the module"
+        lambda match: (
+            f"a function that assigns {match[1]} makes it its own: write nonlocal {match[1]} at its beginning, or "
+            f"global {match[1]} if it belongs to the module"
         ),
     ),
     (
         re.compile(r"ValueError: operands could not be broadcast together with shapes \((\d+),\) \((\d+),\)"),
-        lambda found: advise_on_lengths(int(found[1]), int(found[2])),
+        lambda match: advise_on_lengths(int(match[1]), int(match[2])),
     ),
     (re.compile(r"'([\w.]+)' object has no attribute '(\w+)'"), advise_on_attribute),
-    (re.compile(r"module 'mujoco' has no attribute '(\w+)'"), lambda found: advise_on_spelling(found[1], mujoco)),
+    (re.compile(r"module 'mujoco' has no attribute '(\w+)'"), lambda match: advise_on_spelling(match[1], mujoco)),
     (
         re.compile(r"TypeError: only (?:length-1|size-1|0-dimensional) arrays can be converted to Python scalars"),
         lambda _: "math.sin and its like take one number; np.sin and its like take arrays as well",
@@ -101,15 +101,15 @@ RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
     (re.compile(r"EOFError: EOF when reading a line"), lambda _: "nobody answers input() here: write the value down"),
     (
         re.compile(r"(?:Error opening file|No such file or directory:) '([^']*?)\.xml'"),
-        lambda found: f'use the model that you are given, or mjcourse.model_path("{found[1].rpartition("/")[2]}")',
+        lambda match: f'use the model that you are given, or mjcourse.model_path("{match[1].rpartition("/")[2]}")',
     ),
     (
         re.compile(r"SyntaxError: .*\(line \d+: ([%!][^)]*)\)"),
-        lambda found: f"{found[1]} is a command of a notebook, not Python: delete that line",
+        lambda match: f"{match[1]} is a command of a notebook, not Python: delete that line",
     ),
     (
         re.compile(r"(\w+)\(\) takes (?:from )?.*positional arguments? but (\d+) (?:was|were) given"),
-        lambda found: f"it is called with {found[2]}: keep the parameters of the starter",
+        lambda match: f"it is called with {match[2]}: keep the parameters of the starter",
     ),
     (
         re.compile(r"(\w+)\(\) missing \d+ required positional argument"),
@@ -130,7 +130,7 @@ def explain_error(message: str, place: str = "") -> str:
     if missing := NO_FUNCTION.match(message):
         return explain_missing_function(*missing.groups())
     message = shorten_binding_error(message)
-    advices = (advise(found) for pattern, advise in RULES if (found := pattern.search(message)))
+    advices = (advise(match) for pattern, advise in RULES if (match := pattern.search(message)))
     advice = next(filter(None, advices), "")
     return f"{message.rstrip('. ')}{place} ({advice})" if advice else f"{message}{place}"
 
@@ -167,8 +167,8 @@ def shorten_binding_error(message: str) -> str:
 
 def shorten_type(text: str) -> str:
     """Returns the name of the type in `<mujoco._structs.MjData object at 0x...>`; other values as they are."""
-    found = re.match(r"<(?:[\w.]+\.)?(\w+) object at", text)
-    return found[1] if found else text.strip()[:40]
+    match = re.match(r"<(?:[\w.]+\.)?(\w+) object at", text)
+    return match[1] if match else text.strip()[:40]
 
 
 def explain_hidden_slip(traces: Sequence[Trace]) -> str | None:

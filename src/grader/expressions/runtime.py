@@ -49,8 +49,8 @@ def _of_value(function: Callable[[Value], Value], default: Value = UNDEFINED) ->
 
 def _parse_float(value: Value) -> float:
     """Returns the longest prefix that is a number."""
-    found = values.DECIMAL.match(values.to_string(value).lstrip(values.WHITESPACE))
-    return float(found.group().replace("Infinity", "inf")) if found else math.nan
+    match = values.DECIMAL.match(values.to_string(value).lstrip(values.WHITESPACE))
+    return float(match.group().replace("Infinity", "inf")) if match else math.nan
 
 
 def _array_from(m: Machine, source: Value, f: Callable[..., Value] | None = None) -> Value:

@@ -76,9 +76,9 @@ def read_demand(source: str, status: str, installed: str = INSTALLED) -> tuple[s
     `#`."""
     head = list(takewhile(lambda line: line.startswith("#"), map(XML_COMMENT, source.splitlines())))
     diagnosis = head[0].removeprefix("# diagnosis:").strip() if head and head[0].startswith("# diagnosis:") else None
-    for found in filter(None, map(FROM_VERSION.fullmatch, head)):
-        if parse_version(installed) >= parse_version(found[1]):
-            status, diagnosis = found[2], found[3]
+    for match in filter(None, map(FROM_VERSION.fullmatch, head)):
+        if parse_version(installed) >= parse_version(match[1]):
+            status, diagnosis = match[2], match[3]
     return status, diagnosis
 
 

@@ -20,8 +20,8 @@ def locate_diagnosis(verdict: Verdict, source: str) -> Verdict:
 
 def read_named_line(sentence: str) -> int:
     """Returns the line that a sentence names; 0 where it names none."""
-    found = NAMED_LINE.search(sentence)
-    return int(found[1] or found[2] or found[3]) if found else 0
+    match = NAMED_LINE.search(sentence)
+    return int(match[1] or match[2] or match[3]) if match else 0
 
 
 def find_span(source: str, line: int) -> Span | None:

@@ -68,8 +68,8 @@ async def answered(authorized: "AccessTokens", platform: Platform, url: str) -> 
 
 def next_in(headers: Mapping[str, str]) -> str:
     """Returns the address of the next page; empty after the last one."""
-    found = NEXT.search(next((value for name, value in headers.items() if name.lower() == "link"), ""))
-    return found[1] if found and is_of_platform(found[1]) else ""
+    match = NEXT.search(next((value for name, value in headers.items() if name.lower() == "link"), ""))
+    return match[1] if match and is_of_platform(match[1]) else ""
 
 
 def persons_in(body: bytes, issuer: str) -> list[Person]:

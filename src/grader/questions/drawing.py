@@ -175,5 +175,5 @@ def list_names(text: str) -> set[str]:
 def write(text: str, numbers: Numbers, form: str) -> str:
     """Returns a text with numbers in the places of their names, each in the form."""
     return PLACEHOLDER.sub(
-        lambda found: form.format(f"{numbers[found[1]]:g}") if found[1] in numbers else found[0], text
+        lambda match: form.format(f"{numbers[match[1]]:g}") if match[1] in numbers else match[0], text
     )

@@ -179,5 +179,5 @@ def read_label(expr: str, label: str, unit: str) -> Shown:
 
 def unit_of(label: str) -> str:
     """Returns what stands in brackets at the end of a label: the unit of `angle (rad)`."""
-    found = IN_BRACKETS.search(plain_text(label))
-    return found[1].strip() if found else ""
+    match = IN_BRACKETS.search(plain_text(label))
+    return match[1].strip() if match else ""

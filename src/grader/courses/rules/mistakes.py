@@ -87,8 +87,8 @@ def name_family(sentence: str) -> Mistake:
 
 def drop_place(sentence: str) -> str:
     """Returns a sentence without where the mistake was made, and how many there are."""
-    found = COUNTED.match(sentence) or PLACE.match(sentence)
-    said = sentence[found.end() :] if found else sentence
+    match = COUNTED.match(sentence) or PLACE.match(sentence)
+    said = sentence[match.end() :] if match else sentence
     return said[:1].upper() + said[1:] if said.startswith(("your ", "each ")) else said
 
 

@@ -71,8 +71,8 @@ def read_tokens(source: str) -> list[tuple[str, int]]:
     kind. Any text is read, also one that is no Python."""
     tokens: list[tuple[str, int]] = []
     line, after_dot = 1, False
-    for found in TOKEN.finditer(source):
-        kind, text = found.lastgroup, found[0]
+    for match in TOKEN.finditer(source):
+        kind, text = match.lastgroup, match[0]
         if kind not in ("skip", "newline"):
             is_kept = kind == "sign" or (kind == "name" and (after_dot or keyword.iskeyword(text)))
             tokens.append((text if is_kept else str(kind), line))

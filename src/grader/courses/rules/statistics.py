@@ -193,8 +193,8 @@ def count_mistakes(answers: Answers) -> dict[str, int]:
 @lru_cache(maxsize=4096)
 def group_crash(diagnosis: str) -> str:
     """Returns the exception behind a diagnosis, whose message and line differ between scripts; any other as it is."""
-    found = CRASH.match(diagnosis)
-    return f"{CRASHED}{found[1]}" if found else diagnosis
+    match = CRASH.match(diagnosis)
+    return f"{CRASHED}{match[1]}" if match else diagnosis
 
 
 def count_options(answers: Answers) -> dict[int, int]:

@@ -38,8 +38,8 @@ class Progress:
         if within := WITHIN_TRIAL.fullmatch(name):
             self._follow_trial(int(within[1]), int(within[2]), int(within[3]), within[4])
             return
-        found = OF_TRIAL.match(name)
-        ended = self._ends.get(int(found[1]), 0) if found else 0
+        match = OF_TRIAL.match(name)
+        ended = self._ends.get(int(match[1]), 0) if match else 0
         if self._at <= ended < self._cases:
             self._at = ended + 1
             self._tell(self._at, self._cases, None)

@@ -144,7 +144,7 @@ def _close(name: str, opened: list[str]) -> Iterator[str]:
 
 
 def _list_attribute_remarks(name: str, tag: str) -> Iterator[str]:
-    attributes = {found[1].lower(): next(filter(None, found.groups()[1:]), "") for found in ATTRIBUTE.finditer(tag)}
+    attributes = {match[1].lower(): next(filter(None, match.groups()[1:]), "") for match in ATTRIBUTE.finditer(tag)}
     if name == "img":
         yield from _list_picture_remarks(attributes)
     if name in HTML_TAGS:
@@ -166,12 +166,12 @@ def _list_picture_remarks(attributes: Mapping[str, str]) -> Iterator[str]:
 def _list_markdown_remarks(plain: str) -> Iterator[str]:
     """Yields a remark for each sort of Markdown in a text without tags, formulas and code."""
     for pattern, opening, closing in MARKDOWN:
-        if found := pattern.search(plain):
-            yield f"{quoted(found[0])} is Markdown, which is shown as typed: write {opening}{found[1]}{closing}"
-    if found := MARKDOWN_LINK.search(plain):
-        picture, link = f'<img src="{found[2]}" alt="{found[1]}">', f'<a href="{found[2]}">{found[1]}</a>'
-        cure = picture if found[0][0] == "!" else link
-        yield f"{quoted(found[0])} is Markdown, which is shown as typed: write {cure}"
-    if found := MARKDOWN_LINE.search(plain):
-        tags = "<h3>...</h3>" if found[1].startswith("#") else "<ul><li>...</li></ul>"
-        yield f"a line that begins with {found[1].strip()} is Markdown, which is shown as typed: write {tags}"
+        if match := pattern.search(plain):
+            yield f"{quoted(match[0])} is Markdown, which is shown as typed: write {opening}{match[1]}{closing}"
+    if match := MARKDOWN_LINK.search(plain):
+        picture, link = f'<img src="{match[2]}" alt="{match[1]}">', f'<a href="{match[2]}">{match[1]}</a>'
+        cure = picture if match[0][0] == "!" else link
+        yield f"{quoted(match[0])} is Markdown, which is shown as typed: write {cure}"
+    if match := MARKDOWN_LINE.search(plain):
+        tags = "<h3>...</h3>" if match[1].startswith("#") else "<ul><li>...</li></ul>"
+        yield f"a line that begins with {match[1].strip()} is Markdown, which is shown as typed: write {tags}"

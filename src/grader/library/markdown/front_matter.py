@@ -91,7 +91,7 @@ def write_front_matter(values: dict[str, Any]) -> str:
     except (yaml.YAMLError, RecursionError):
         plain = ""
     line = json.dumps(values, ensure_ascii=False, allow_nan=False)
-    as_json = UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", line) + "\n"
+    as_json = UNPRINTABLE.sub(lambda match: f"\\u{ord(match[0]):04x}", line) + "\n"
     for text in (plain, as_json):
         if MARK not in text.splitlines() and read_front_matter(text, "") == values:
             return f"{MARK}\n{text}{MARK}\n"

@@ -16,13 +16,13 @@ EXAMPLE = "{#period .numeric points=2}"
 
 def read_heading(content: str) -> dict[str, Any]:
     """Returns the keys that a heading gives. Raises ValueError with what is wrong, and the cure."""
-    found = BRACES.search(content)
-    if found is None:
+    match = BRACES.search(content)
+    if match is None:
         if NESTED.search(content):
             raise ValueError(f"the braces are not read: write them like {EXAMPLE}, other keys in a fence ```question")
         return {"title": content} if content else {}
     values: dict[str, Any] = {}
-    title, inside, at = content[: found.start()].rstrip(), found[1].strip(), 0
+    title, inside, at = content[: match.start()].rstrip(), match[1].strip(), 0
     if title:
         values["title"] = title
     while at < len(inside):

@@ -101,7 +101,7 @@ def _render_formula(_: RendererHTML, tokens: list[Token], index: int, *_rest: An
 
 
 def _render_raw_formula(_: RendererHTML, tokens: list[Token], index: int, *_rest: Any) -> str:
-    return TAG_LIKE.sub(lambda found: html.escape(found[0]), tokens[index].content)
+    return TAG_LIKE.sub(lambda match: html.escape(match[0]), tokens[index].content)
 
 
 def _render_image(renderer: RendererHTML, tokens: list[Token], index: int, options: OptionsDict, env: EnvType) -> str:

@@ -131,8 +131,8 @@ def _read_part(reading: _Reading, block: list[Token], line: int) -> bool:
     first, kind = block[0].type, reading.sections[-1].values.get("kind")
     if first == "bullet_list_open" and _list_marks(block):
         _read_options(reading, block, line)
-    elif first == "paragraph_open" and (found := ANSWER.match(block[1].content)):
-        _read_answer(reading, block[1].content[found.start(1) :], line)
+    elif first == "paragraph_open" and (match := ANSWER.match(block[1].content)):
+        _read_answer(reading, block[1].content[match.start(1) :], line)
     elif first == "ordered_list_open" and kind == "order":
         reading.set("items", [_read_item(reading, item)[0] for item in _split_items(block)], line)
     elif first == "table_open" and kind == "match":
@@ -276,11 +276,11 @@ def _read_answer(reading: _Reading, text: str, line: int) -> None:
     if "\n" in text:
         raise _Refused(f"the answer goes on in the next line: leave an empty line below it, and {cure}")
     value, *tolerances = TOLERANCE.split(text.strip())
-    found = NUMBER.match(value)
-    if found is None or len(tolerances) > 1:
+    match = NUMBER.match(value)
+    if match is None or len(tolerances) > 1:
         raise _Refused(f"{text.strip()[:40]!r} is no number with a unit and a tolerance: {cure}")
-    reading.set("answer", _parse_number(found[0]), line)
-    if unit := value[found.end() :].strip():
+    reading.set("answer", _parse_number(match[0]), line)
+    if unit := value[match.end() :].strip():
         reading.set("unit", unit, line)
     for tolerance in tolerances:
         whole = NUMBER.fullmatch(tolerance.strip())

@@ -56,8 +56,8 @@ def with_path(url: str, part: str, **query: str) -> str:
 
 def next_page(response: Response, url: str) -> str | None:
     """Returns the address of the next page after `url`, if the response names one."""
-    found = NEXT.search(response.headers.get("link", ""))
-    return None if found is None else urljoin(url, found[1])
+    match = NEXT.search(response.headers.get("link", ""))
+    return None if match is None else urljoin(url, match[1])
 
 
 @dataclass(frozen=True)

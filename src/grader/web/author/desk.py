@@ -60,8 +60,8 @@ class Tag:
     @classmethod
     def read(cls, tag: str) -> Self | None:
         """Returns a tag that was written as text; None for what is none."""
-        found = TAG.fullmatch(tag)
-        return cls(found[1], int(found[2]), int(found[3])) if found else None
+        match = TAG.fullmatch(tag)
+        return cls(match[1], int(match[2]), int(match[3])) if match else None
 
     def __str__(self) -> str:
         return f"{self.digest}-{self.before}-{self.after}"

@@ -62,13 +62,13 @@ def load_kind_template(name: str) -> tuple[str, str, Callable[[], bool]] | None:
 
 def find_kind_template(name: str) -> Path | None:
     """Returns where the template of an installed kind is; None for another name."""
-    found = re.fullmatch(r"(kinds|labs)/(.+)\.html", name)
-    if found is None:
+    match = re.fullmatch(r"(kinds|labs)/(.+)\.html", name)
+    if match is None:
         return None
-    if found[1] == "labs":
-        lab = lab_kinds().get(found[2])
+    if match[1] == "labs":
+        lab = lab_kinds().get(match[2])
         return None if lab is None else labs.template_of(lab)
-    kind = installed_kinds().get(found[2])
+    kind = installed_kinds().get(match[2])
     return None if kind is None else template_of(kind)
 
 

@@ -92,13 +92,13 @@ def remark(text: str) -> Markup:
 
 def unbroken(text: str) -> str:
     """A plain text whose numbers keep their units on the same line, and have true minus signs and powers of ten."""
-    text = SCIENTIFIC.sub(lambda found: f"{found[1]}·10{power(int(found[2]))}", text)
+    text = SCIENTIFIC.sub(lambda match: f"{match[1]}·10{power(int(match[2]))}", text)
     return NEGATIVE.sub(MINUS, join_units(text))
 
 
-def join_unit(found: re.Match[str]) -> str:
+def join_unit(match: re.Match[str]) -> str:
     """A unit after its space, which is narrow before a symbol; words and the factors of a unit stand further apart."""
-    unit = found[0][1:]
+    unit = match[0][1:]
     return (WIDE if unit.startswith(WORDS) else NARROW) + unit.replace(" ", WIDE)
 
 

@@ -95,8 +95,8 @@ class _Reader:
         """Says where the next match of `pattern` ends."""
         if pattern.pattern in self.absent:
             return None
-        if found := pattern.search(self.text, position):
-            return found.end()
+        if match := pattern.search(self.text, position):
+            return match.end()
         self.absent.add(pattern.pattern)
         return None
 

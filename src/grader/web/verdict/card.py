@@ -229,10 +229,10 @@ def build_cell(finding: Mapping[str, Any]) -> Cell:
     title, message = capitalize(unbroken(finding["title"])), unbroken(finding["message"])
     if badge == PASSED:
         return Cell(badge, title, message, **worth)
-    if badge == FAILED and (found := WORD.match(message)):
+    if badge == FAILED and (match := WORD.match(message)):
         badge, message = (
-            Badge(found[1].lower(), badge.icon, badge.tone),
-            message[found.end() :][:1].upper() + message[found.end() + 1 :],
+            Badge(match[1].lower(), badge.icon, badge.tone),
+            message[match.end() :][:1].upper() + message[match.end() + 1 :],
         )
     measured = "" if rubric else describe_value(finding.get("measured"))
     if {measured, describe_number(finding.get("measured"))} & {*re.split(r"[\s;]|\.(?=\s|$)", message)}:

@@ -91,8 +91,8 @@ def mark_script(source: str, verdict: Mapping[str, Any]) -> MarkedScript | None:
 
 def read_raised_line(diagnosis: str) -> int:
     """Returns the line that a diagnosis says has raised; 0 where it says none."""
-    found = RAISED.search(diagnosis)
-    return int(found[1] or found[2]) if found else 0
+    match = RAISED.search(diagnosis)
+    return int(match[1] or match[2]) if match else 0
 
 
 def find_advice(diagnosis: str) -> str:

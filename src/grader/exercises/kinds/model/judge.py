@@ -43,8 +43,8 @@ class Outcome:
     @property
     def line(self) -> int | None:
         """The line of the model that MuJoCo's message names."""
-        found = LINE.search(self.error)
-        return int(found[1]) if found else None
+        match = LINE.search(self.error)
+        return int(match[1]) if match else None
 
 
 @dataclass(frozen=True)

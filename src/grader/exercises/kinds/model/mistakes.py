@@ -75,5 +75,5 @@ def find_line(source: str, variant: Variant) -> int | None:
     if not variant.name:
         return None
     tag, name = (re.escape(one) for one in (variant.tag, variant.name))
-    found = re.search(rf"<{tag}\s(?:[^<>]*\s)?name\s*=\s*[\"']{name}[\"']", source)
-    return None if found is None else source.count("\n", 0, found.start()) + 1
+    match = re.search(rf"<{tag}\s(?:[^<>]*\s)?name\s*=\s*[\"']{name}[\"']", source)
+    return None if match is None else source.count("\n", 0, match.start()) + 1

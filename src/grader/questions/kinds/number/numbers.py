@@ -74,16 +74,16 @@ def read_number(text: str) -> TypedNumber:
         raise InvalidAnswer(f"{quoted(text)} is not a finite number: type a finite number.")
     if BOUND.match(text) or BOUND_AFTER.search(text) or UNCERTAIN.search(text):
         raise not_one_number(text)
-    if found := IN_PARENTHESES.match(text):
-        inner = read_number(found[2].strip())
+    if match := IN_PARENTHESES.match(text):
+        inner = read_number(match[2].strip())
         if inner.rest:
             raise unreadable(text, text, f"{quoted(text)} does not begin with a number")
-        first = TypedNumber(-inner.value if found[1] == "-" else inner.value, text[found.end() :].strip())
+        first = TypedNumber(-inner.value if match[1] == "-" else inner.value, text[match.end() :].strip())
         return multiply(first, text)
-    found = NUMBER.match(text)
-    if found is None or not (found["mantissa"] or found["power"] or found["whole"] or found["pi"]):
+    match = NUMBER.match(text)
+    if match is None or not (match["mantissa"] or match["power"] or match["whole"] or match["pi"]):
         raise unreadable(text, text, f"{quoted(text)} does not begin with a number")
-    return multiply(TypedNumber(_value_of(found, text), text[found.end() :].strip()), text)
+    return multiply(TypedNumber(_value_of(match, text), text[match.end() :].strip()), text)
 
 
 def multiply(first: TypedNumber, text: str) -> TypedNumber:
@@ -98,23 +98,23 @@ def multiply(first: TypedNumber, text: str) -> TypedNumber:
         sign = FACTOR.match(rest)
         if sign is None:
             return TypedNumber(finite(value, text), rest)
-        found = IN_PARENTHESES.match(rest, sign.end()) or NUMBER.match(rest, sign.end())
-        factor = _read_factor(found, text)
+        match = IN_PARENTHESES.match(rest, sign.end()) or NUMBER.match(rest, sign.end())
+        factor = _read_factor(match, text)
         if sign[1] == "/" and factor == 0:
             raise InvalidAnswer(f"{quoted(text)} divides by zero: type a finite number.")
         value = value * factor if sign[1] == "*" else value / factor
-        rest = rest[found.end() :].strip() if found else ""
+        rest = rest[match.end() :].strip() if match else ""
     raise InvalidAnswer(f"{quoted(text)} is a long calculation: type its result.")
 
 
-def _read_factor(found: re.Match[str] | None, text: str) -> float:
+def _read_factor(match: re.Match[str] | None, text: str) -> float:
     """Return the value of one factor. Raises InvalidAnswer where it is no number."""
-    if found is not None and found.re is IN_PARENTHESES:
-        inner = read_number(found[2].strip())
+    if match is not None and match.re is IN_PARENTHESES:
+        inner = read_number(match[2].strip())
         if not inner.rest:
             return inner.value
-    elif found is not None and (found["mantissa"] or found["power"]):
-        return _value_of(found, text)
+    elif match is not None and (match["mantissa"] or match["power"]):
+        return _value_of(match, text)
     raise InvalidAnswer(f"{quoted(text)} is a calculation: type its result.")
 
 
@@ -135,31 +135,31 @@ def unreadable(text: str, rest: str, otherwise: str) -> InvalidAnswer:
     return InvalidAnswer(otherwise if otherwise.endswith(".") else f"{otherwise}: type one number.")
 
 
-def _value_of(found: re.Match[str], text: str) -> float:
+def _value_of(match: re.Match[str], text: str) -> float:
     """Compute the value of a match of NUMBER, rounded once where it is one decimal literal."""
-    exponent = found["exponent"] or found["scale"] or found["power"] or "0"
-    if found["whole"]:
-        value = _mixed(found, text)
+    exponent = match["exponent"] or match["scale"] or match["power"] or "0"
+    if match["whole"]:
+        value = _mixed(match, text)
     else:
-        mantissa = read_digits(found["mantissa"], text) if found["mantissa"] else "1"
+        mantissa = read_digits(match["mantissa"], text) if match["mantissa"] else "1"
         value = float(f"{mantissa}e{exponent}")
         if value == 0 and float(mantissa) != 0:
             raise InvalidAnswer(f"{quoted(text)} is too small to be told from zero: type another number.")
-    if found["pi"]:
+    if match["pi"]:
         value *= math.pi
-    if found["over"]:
-        if float(found["over"]) == 0:
+    if match["over"]:
+        if float(match["over"]) == 0:
             raise InvalidAnswer(f"{quoted(text)} divides by zero: type a finite number.")
-        value /= float(found["over"])
-    return finite(-value if found["sign"] == "-" else value, text)
+        value /= float(match["over"])
+    return finite(-value if match["sign"] == "-" else value, text)
 
 
-def _mixed(found: re.Match[str], text: str) -> float:
+def _mixed(match: re.Match[str], text: str) -> float:
     """Compute `12 1/2`. Raises InvalidAnswer for an improper fraction: `5 10/2` can be read in two ways."""
-    part, parts = int(found["part"]), int(found["parts"])
+    part, parts = int(match["part"]), int(match["parts"])
     if part >= parts:
         raise _not_one_literal(text)
-    return float(found["whole"]) + part / parts
+    return float(match["whole"]) + part / parts
 
 
 def read_digits(digits: str, text: str) -> str:

@@ -72,21 +72,21 @@ def find_asked_bound(question: str) -> Asks | None:
 
 def drop_bound(text: str, asks: Asks) -> str:
     """Returns an answer without the words that make it the bound that is asked for; others are left as they are."""
-    found = BEFORE[asks].match(text)
-    rest = text[found.end() :] if found else text
-    if not found:
+    match = BEFORE[asks].match(text)
+    rest = text[match.end() :] if match else text
+    if not match:
         rest = BEHIND[asks].sub("", text)
     return text if rest == text or OTHER.search(rest) else rest
 
 
 def split_remark(text: str) -> tuple[str, str]:
     """Returns an answer, and a remark behind it that is left out; empty if there is none."""
-    found = REMARK.search(text)
-    if found and re.search(r"[0-9]", text[: found.start()]):
-        if found[0].strip(" ,").lower() in {"because", "since", "weil", "due to"}:
+    match = REMARK.search(text)
+    if match and re.search(r"[0-9]", text[: match.start()]):
+        if match[0].strip(" ,").lower() in {"because", "since", "weil", "due to"}:
             return text, ""  # the sentence breaks off
-        return text[: found.start()].rstrip(" ,"), text[found.start() :].strip(" ,")
-    found = IN_PARENTHESES.match(text)
-    if found and (HARMLESS.fullmatch(found[2]) or known_unit(found[2])):
-        return found[1], found[2]
+        return text[: match.start()].rstrip(" ,"), text[match.start() :].strip(" ,")
+    match = IN_PARENTHESES.match(text)
+    if match and (HARMLESS.fullmatch(match[2]) or known_unit(match[2])):
+        return match[1], match[2]
     return text, ""

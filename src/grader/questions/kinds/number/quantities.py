@@ -262,8 +262,8 @@ def _is_equal(sign: str) -> bool:
 def _without_hedge(text: str) -> str:
     """Drop words such as `about` from the front and the end."""
     for _ in range(HEDGES_MAX):
-        found = HEDGE.match(text)
-        text = text[found.end() :] if found else text
+        match = HEDGE.match(text)
+        text = text[match.end() :] if match else text
     return HEDGE_AFTER.sub("", text)
 
 
@@ -303,8 +303,8 @@ def _read_side(text: str, shown: str) -> Quantity:
     if not number.rest or _same_label(number.rest, shown):
         return Quantity(number.value, number.value, None, shown, digits=count_digits(text))
     name = number.rest.rstrip(FULL_STOPS) or number.rest
-    if found := SET_OFF.fullmatch(name):
-        name = found[1] or found[2]
+    if match := SET_OFF.fullmatch(name):
+        name = match[1] or match[2]
     digits = count_digits(text.removesuffix(number.rest))
     try:
         return replace(_convert(number.value, name, shown), digits=digits)

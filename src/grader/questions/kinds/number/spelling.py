@@ -82,10 +82,10 @@ def _without_tex(text: str) -> str:
     return MICRO.sub("μ", text).replace("^° ", "°").replace("^°", "°")
 
 
-def _tex_font(found: re.Match[str]) -> str:
-    return f"{found[1]}{{{found[2]}}}" if found[1] else f" {found[2]} "
+def _tex_font(match: re.Match[str]) -> str:
+    return f"{match[1]}{{{match[2]}}}" if match[1] else f" {match[2]} "
 
 
-def _tex_command(found: re.Match[str]) -> str:
-    name = found[1]
-    return TEX_COMMANDS.get(name, name if name.isalpha() else found[0])
+def _tex_command(match: re.Match[str]) -> str:
+    name = match[1]
+    return TEX_COMMANDS.get(name, name if name.isalpha() else match[0])

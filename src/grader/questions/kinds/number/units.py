@@ -153,7 +153,7 @@ def _build_registry() -> "pint.UnitRegistry[Any]":
 def read_unit(text: str) -> Unit:
     """Read a product of units and their powers: `N m/rad`, `kg·m²`, `1/s`, `m s^-1`. Raises InvalidAnswer."""
     folded = fold(text).replace(" squared", "^2").replace(" cubed", "^3").replace("per cent", "percent")
-    folded = PREFIX_APART.sub(r"\1", POWER_BEFORE.sub(lambda found: f"{found[2]}^{POWERS[found[1]]}", folded))
+    folded = PREFIX_APART.sub(r"\1", POWER_BEFORE.sub(lambda match: f"{match[2]}^{POWERS[match[1]]}", folded))
     if len(folded) > CHARACTERS_MAX:
         raise InvalidAnswer(f"{quoted(text)} is too long to be a unit")
     powers: dict[str, int] = {}
@@ -177,19 +177,19 @@ def _factors(text: str) -> list[tuple[str, int]]:
     group_sign = 1
     position = 1 if text.startswith(("1/", "1 /")) else 0
     while position < len(text) or not factors:
-        found = FACTOR.match(text, position)
-        is_joined = found and (found["over"] or bool(found["times"]) is bool(factors))
-        if not found or not is_joined or (found["open"] and group_start is not None):
+        match = FACTOR.match(text, position)
+        is_joined = match and (match["over"] or bool(match["times"]) is bool(factors))
+        if not match or not is_joined or (match["open"] and group_start is not None):
             raise InvalidAnswer(f"{quoted(text)} cannot be read as a unit")
-        position = found.end()
-        sign = -1 if found["over"] else 1
-        if found["open"]:
+        position = match.end()
+        sign = -1 if match["over"] else 1
+        if match["open"]:
             group_start, group_sign, sign = len(factors), sign, 1
-        factors.append((found["name"], sign * group_sign * int(found["power"] or 1)))
-        if found["close"]:
+        factors.append((match["name"], sign * group_sign * int(match["power"] or 1)))
+        if match["close"]:
             if group_start is None:
                 raise InvalidAnswer(f"{quoted(text)} closes a parenthesis that was not opened")
-            power = int(found["group_power"] or 1)
+            power = int(match["group_power"] or 1)
             factors[group_start:] = [(name, power * own) for name, own in factors[group_start:]]
             group_start, group_sign = None, 1
     if group_start is not None:

@@ -68,8 +68,8 @@ def fill(page: str, results: Results) -> tuple[str, list[str]]:
     Raises KeyError for a block or claim that does not exist."""
     denied = []
 
-    def claimed(found: re.Match[str]) -> str:
-        space, name, moved, text = found.groups()
+    def claimed(match: re.Match[str]) -> str:
+        space, name, moved, text = match.groups()
         try:
             text = CLAIMS[name](results)
         except Denied as shown:
@@ -77,15 +77,15 @@ def fill(page: str, results: Results) -> tuple[str, list[str]]:
         # A line of Markdown that began with the comment would be HTML: the space stands behind it.
         return f"<!--={name}-->{space or moved}{text}<!--=-->"
 
-    def paragraph(found: re.Match[str]) -> str:
-        if not CLAIMED.search(found[0]):
-            return found[0]
-        text, indent = CLAIMED.sub(claimed, " ".join(found[0].split())), " " * len(found[1] or "")
+    def paragraph(match: re.Match[str]) -> str:
+        if not CLAIMED.search(match[0]):
+            return match[0]
+        text, indent = CLAIMED.sub(claimed, " ".join(match[0].split())), " " * len(match[1] or "")
         return textwrap.fill(text, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
-    def block(found: re.Match[str]) -> str:
-        render = BLOCKS[found[2]]
-        return f"{found[1]}{render(results)}{describe_other(found[2], render, results)}\n{found[3]}"
+    def block(match: re.Match[str]) -> str:
+        render = BLOCKS[match[2]]
+        return f"{match[1]}{render(results)}{describe_other(match[2], render, results)}\n{match[3]}"
 
     page = MARKED.sub(block, page)
     return PARAGRAPH.sub(paragraph, page), denied
