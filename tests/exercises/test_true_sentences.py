@@ -97,7 +97,7 @@ def list_known_milliseconds(told: Told) -> list[float]:
         search, claim = read_search(one.trace), one.judgement.outcome
         known += [run.timestep_s for run in search.runs] if search else []
         known += claim.numbers if isinstance(claim, Bracket) else []
-        model = one.trial.problem.scene.model
+        model = one.problem.scene.model
         known += [-model.actuator_biasprm[0, 2] / model.actuator_gainprm[0, 0]] if model.nu else []
     return [1e3 * number for number in known]
 
@@ -111,7 +111,7 @@ def check_search(told: Told) -> None:
             assert any(abs(float(number) - value) <= 10.0 ** (1 - digits) * abs(value) for value in known), sentence
     right = re.search(r"search is right: ([\d.]+) ms stayed stable, and at ([\d.]+) ms MuJoCo warned", sentence)
     if right is not None:
-        cells = [one.trial.problem for one in told.judged if not one.trial.hidden and not one.counts]
+        cells = [one.problem for one in told.judged if not one.hidden and not one.counts]
         horizon_s = told.parameters.horizon_s
         assert any(
             not warns_within(cell.scene, 0.999 * float(right[1]) / 1e3, horizon_s, integrator=cell.integrator.code)

@@ -219,16 +219,16 @@ def judge_number(parameters: EstimatorParameters, problem: Problem, answers: Ans
 
 def list_ratios(one: JudgedTrial[Problem, Answers], index: int) -> list[float]:
     """Returns how many times the true number each estimate is."""
-    truth = float(one.trial.problem.truth[index])
+    truth = float(one.problem.truth[index])
     return [float(answer[index]) / truth for answer in one.judgement.outcome if not isinstance(answer, str)]
 
 
 def draw_recording(one: JudgedTrial[Problem, Answers]) -> dict[str, Any]:
     """Returns the chart of the first recording."""
-    problem = one.trial.problem
+    problem = one.problem
     series = {"label": "recorded", "x": problem.times.tolist(), "y": problem.positions[0].tolist(), "points": True}
     axes = {"x": {"label": "time (s)"}, "y": {"label": "position"}}
-    return {"case": one.trial.id, "title": "the first recording", **axes, "series": [series]}
+    return {"case": one.id, "title": "the first recording", **axes, "series": [series]}
 
 
 def list_estimates(parameters: EstimatorParameters, one: JudgedTrial[Problem, Answers]) -> dict[str, Any]:
@@ -237,5 +237,5 @@ def list_estimates(parameters: EstimatorParameters, one: JudgedTrial[Problem, An
         [str(i), *([answer] * len(parameters.estimate) if isinstance(answer, str) else [f"{x:.4g}" for x in answer])]
         for i, answer in enumerate(one.judgement.outcome, 1)
     ]
-    rows.append(["true", *(f"{x:.4g}" for x in one.trial.problem.truth)])
-    return {"case": one.trial.id, "title": "estimates", "head": ["recording", *parameters.estimate], "rows": rows}
+    rows.append(["true", *(f"{x:.4g}" for x in one.problem.truth)])
+    return {"case": one.id, "title": "estimates", "head": ["recording", *parameters.estimate], "rows": rows}

@@ -76,7 +76,7 @@ class ExactText(Kind[WordParameters, str, str]):
     def name_mistake(self, parameters: WordParameters, judged: Sequence[JudgedTrial[str, str]]) -> str | None:
         """Recognises words that are returned as they are."""
         wrong = [one for one in judged if not one.judgement.passed]
-        unchanged = all(one.judgement.outcome == one.trial.problem for one in wrong)
+        unchanged = all(one.judgement.outcome == one.problem for one in wrong)
         return "You return the word as it is: reverse the order of its letters." if wrong and unchanged else None
 
     def build_pictures(self, parameters: WordParameters, visible: Sequence[JudgedTrial[str, str]]) -> dict[str, Any]:
@@ -94,10 +94,10 @@ class ExactText(Kind[WordParameters, str, str]):
 
 def right_letters(one: JudgedTrial[str, str]) -> dict[str, Any]:
     """Returns 1 for each letter of the text that is right, else 0, against the position of the letter."""
-    right = [int(a == b) for a, b in zip(one.judgement.outcome, one.trial.problem[::-1], strict=False)]
+    right = [int(a == b) for a, b in zip(one.judgement.outcome, one.problem[::-1], strict=False)]
     series = [{"label": "right (1) or wrong (0)", "x": list(range(1, len(right) + 1)), "y": right, "points": True}]
     return {
-        "case": one.trial.id,
+        "case": one.id,
         "title": "letters",
         "x": {"label": "position"},
         "y": {"label": "right"},
