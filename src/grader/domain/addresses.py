@@ -45,7 +45,7 @@ def endpoint_of(url: str, private_hosts: Collection[str] = ()) -> Endpoint:
         host, port = (parts.hostname or "").rstrip("."), parts.port
     except ValueError as error:
         raise RefusedURL("This is no URL.") from error
-    is_private = host in {one.lower() for one in private_hosts}
+    is_private = host in {name.lower() for name in private_hosts}
     if parts.scheme != "https" and not (parts.scheme == "http" and is_private):
         raise RefusedURL("The URL must begin with https://.")
     if "@" in parts.netloc:

@@ -130,7 +130,7 @@ def read_number(value: Any) -> float | None:
 def read_numbers(value: Any) -> list[float] | None:
     """Returns a finite number, or a list of them, as a list; None for any other value."""
     numbers = [
-        read_number(one) for one in (value if isinstance(value, Sequence) and not isinstance(value, str) else [value])
+        read_number(item) for item in (value if isinstance(value, Sequence) and not isinstance(value, str) else [value])
     ]
     found = [number for number in numbers if number is not None]
     return found if found and len(found) == len(numbers) else None

@@ -32,7 +32,7 @@ def misread(
         loc = detail["loc"]
         if detail["type"] == "default_factory_not_called":
             continue
-        if detail["type"] == "too_short" and any(loc == one["loc"][: len(loc)] != one["loc"] for one in details):
+        if detail["type"] == "too_short" and any(loc == other["loc"][: len(loc)] != other["loc"] for other in details):
             continue
         place = tuple(place_in(raw, detail))
         if place not in reported:
@@ -81,4 +81,6 @@ def reason_of(detail: ErrorDetails, known_keys: KnownKeys, choices: Mapping[str,
 def nearest(name: str, known: Sequence[str]) -> str | None:
     """Returns the known key that an unknown one is most likely a misspelling of."""
     near = get_close_matches(name, known, n=1)
-    return next(iter(near or [one for one in known if len(one) > 2 and name.startswith(one)]), None)
+    return next(
+        iter(near or [candidate for candidate in known if len(candidate) > 2 and name.startswith(candidate)]), None
+    )

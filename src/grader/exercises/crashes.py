@@ -40,7 +40,9 @@ def advise_on_attribute(match: re.Match[str]) -> str:
 
 def advise_on_spelling(name: str, owner: object) -> str:
     """Advises on the name of an attribute that is misspelt; nothing where no other is like it."""
-    found = difflib.get_close_matches(name, [one for one in dir(owner) if not one.startswith("_")], n=1, cutoff=0.8)
+    found = difflib.get_close_matches(
+        name, [attribute for attribute in dir(owner) if not attribute.startswith("_")], n=1, cutoff=0.8
+    )
     return f"did you mean {found[0]}?" if owner is not None and found else ""
 
 

@@ -98,7 +98,7 @@ def describe_panel(panel: Panel, poses: Floats, *, with_values: bool) -> dict[st
         "integrator": panel.integrator,
         "ended": panel.ended,
         "behind": panel.behind,
-        "times": [round(one, 9) for one in panel.times_s.tolist()],
+        "times": [round(time_s, 9) for time_s in panel.times_s.tolist()],
         "values": [float(f"{value:.{FIGURES}g}") if np.isfinite(value) else None for value in values.tolist()],
         "frames": round_poses(poses),
     }

@@ -93,7 +93,7 @@ def compute_chance_of_case(
         parts = list_accepted(kind, parameters, trials)
         if parts is None:
             hits = kind.count_lucky(parameters, [draw(other) for other in range(DRAWS)])
-            return 1.0 if hits is None else prod(compute_upper_bound(one, DRAWS) for one in hits)
+            return 1.0 if hits is None else prod(compute_upper_bound(count, DRAWS) for count in hits)
         if seed == 1 and parts == drawn[0]:
             return 1.0
         drawn.append(parts)

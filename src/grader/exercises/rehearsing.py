@@ -150,8 +150,8 @@ def rehearse_case(
     case = parameters.cases[index]
     ends = [end for end in list_ends(case) if end != case]
     trials: Sequence[AnyTrial] = ()
-    for one in (*ends, case):
-        trials = build_case_trials(kind, parameters, one, content, [SEED, index])
+    for drawn in (*ends, case):
+        trials = build_case_trials(kind, parameters, drawn, content, [SEED, index])
         for trial in trials:
             check_inputs(trial)
             rehearse(parameters, trial)

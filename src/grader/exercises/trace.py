@@ -128,7 +128,7 @@ def drop_unknown_words(value: Any, known: Container[str]) -> Any:
     if isinstance(value, dict):
         return {key: drop_unknown_words(one, known) for key, one in value.items()}
     if isinstance(value, list):
-        return [drop_unknown_words(one, known) for one in value]
+        return [drop_unknown_words(item, known) for item in value]
     if isinstance(value, str):
         words = re.findall(r"\w+", value)
         return value if len(words) <= WORDS_MAX and all(len(w) == 1 or w in known for w in words) else ""

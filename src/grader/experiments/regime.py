@@ -166,7 +166,7 @@ def compare_runs(
         ends = [read(variant)[0] for variant in (timesteps[2], *own)]
         starts = [read(variant)[0] for variant in (timesteps[0], *nudged)]
         is_decided = all(truth == readings[0][0] for truth, _ in readings)
-        is_hopeless = any(one != ends[0] for one in ends) or any(start != starts[0] for start in starts)
+        is_hopeless = any(end != ends[0] for end in ends) or any(start != starts[0] for start in starts)
         if is_decided or is_hopeless or regime.steps * 2 ** (level + 3) > STEPS_MAX:
             break
     return readings, checked | regime.to_json(4 * first)

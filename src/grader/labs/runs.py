@@ -168,7 +168,7 @@ class LabSimulation:
     def pull(self, pulls: Sequence[Pull]) -> None:
         """Pulls bodies in the run that begins. Raises LabRefused."""
         check_pulls(pulls)
-        self.pullers = [Puller(self.model, self.data, self.geoms, one) for one in pulls]
+        self.pullers = [Puller(self.model, self.data, self.geoms, pull) for pull in pulls]
 
     def _list_pulling(self) -> list[Puller]:
         """Returns what pulls in the next step."""
@@ -246,12 +246,12 @@ class LabSimulation:
         for _ in range(count):
             if controller is not None:
                 controller()
-            for one in pulling:
-                one.apply()
+            for puller in pulling:
+                puller.apply()
             h = float(self.model.opt.timestep)
             self._call(mujoco.mj_step, nstep=1)
-            for one in reversed(pulling):
-                one.release()
+            for puller in reversed(pulling):
+                puller.release()
             self._note_warnings()
             self.elapsed += h
             self.record.steps += 1

@@ -79,7 +79,7 @@ def _compare_quiz(quiz: Quiz, before: Library, after: Library) -> Iterator[Chang
         return
     own = _differing(_dump_own(old), _dump_own(quiz))
     edits = tuple(list_edits(_dump_own(old), _dump_own(quiz)))
-    ids, olds = ([part.id for part in one.questions] for one in (quiz, old))
+    ids, olds = ([part.id for part in version.questions] for version in (quiz, old))
     if ids != olds and set(ids) == set(olds):
         own = (*own, ORDER)
         edits = (*edits, Edit(ORDER, ", ".join(olds), ", ".join(ids)))

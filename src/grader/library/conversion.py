@@ -42,7 +42,7 @@ def write_converted(path: Path) -> list[Path]:
     Returns what was written. Raises ContentError, and Conflict where a file is there already."""
     texts = convert_file(path)
     backup = path.with_name(f"{path.name}~")
-    if there := next((one for one in (*texts, backup) if one.exists()), None):
+    if there := next((path for path in (*texts, backup) if path.exists()), None):
         raise Conflict(f"{there} is there already: rename it first")
     for place, text in texts.items():
         place.parent.mkdir(parents=True, exist_ok=True)

@@ -50,7 +50,7 @@ def _list_items(olds: Sequence[Any], news: Sequence[Any], path: str) -> Iterator
         if named.keys() == named_now.keys() and [*named] != [*named_now]:
             yield Edit(join_path(path, "order"), ", ".join(named), ", ".join(named_now))
         return
-    before, after = ([json.dumps(one) for one in some] for some in (olds, news))
+    before, after = ([json.dumps(value) for value in some] for some in (olds, news))
     for tag, start, end, start_now, end_now in SequenceMatcher(None, before, after, autojunk=False).get_opcodes():
         if tag != "equal":
             pairs = zip_longest(olds[start:end], news[start_now:end_now])

@@ -160,7 +160,7 @@ class _Reading:
                 continue
             anchor = address.removeprefix("#")
             if address.startswith("#") and anchor not in self.anchors | set(self.quizzes):
-                known = ", ".join(f"#{one}" for one in sorted(self.anchors)[:10]) or "none"
+                known = ", ".join(f"#{name}" for name in sorted(self.anchors)[:10]) or "none"
                 self.fault(line, f"no heading has the anchor {quoted(address)}; the anchors are: {known}")
             elif not address.startswith(("#", *LINKS)):
                 self.fault(

@@ -79,7 +79,7 @@ def content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packe
     file = library.file(quiz)
     sources = {path: text for path, text in library.sources[quiz].items() if isinstance(text, str)}  # no pictures
     raw: dict[str, Any] = parse_quiz(sources[file], file).raw or {}
-    place = [one.id for one in library.quiz(quiz).questions].index(question.id)
+    place = [candidate.id for candidate in library.quiz(quiz).questions].index(question.id)
     asked = {key: value for key, value in raw["questions"][place].items() if key not in LEFT_OUT}
     reduced: dict[str, Any] = {key: raw[key] for key in KEPT if key in raw}
     reduced["questions"] = [{**asked, "id": question.id}]
@@ -90,7 +90,7 @@ def content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packe
     with TemporaryDirectory(prefix="grader-pack-") as folder:
         write_folder(Path(folder, "content"), files)
         load(Path(folder, "content"))  # what was left out must not be missed
-    return [replace(one, path=f"content/{one.path}") for one in files]
+    return [replace(file, path=f"content/{file.path}") for file in files]
 
 
 def mode_of(path: str) -> int:

@@ -40,7 +40,7 @@ class ToolKeys:
         """Returns the JWK set to publish: the newest key, and those that it has lately replaced."""
         from joserfc.jwk import RSAKey
 
-        return {"keys": [RSAKey.import_key(one["jwk"]).as_dict(private=False) for one in self._kept()]}
+        return {"keys": [RSAKey.import_key(key["jwk"]).as_dict(private=False) for key in self._kept()]}
 
     def rotate(self) -> str:
         """Makes a new key that signs from now on, and records it. Returns its `kid`."""
@@ -48,7 +48,7 @@ class ToolKeys:
         kid = str(made["jwk"]["kid"])
         with self.database.write() as session:
             self.database.lock(session, "lti-keys")
-            kept = [{**one, "until": one["until"] or self._end()} for one in self._read(session)]
+            kept = [{**key, "until": key["until"] or self._end()} for key in self._read(session)]
             self._write(session, [*kept, made])
             record(session, None, DEFAULT_COURSE, Action.SIGNING_KEY_ROTATED, kid)
         return kid
@@ -71,7 +71,7 @@ class ToolKeys:
 
     def _read(self, session: Session) -> list[dict[str, Any]]:
         kept = json.loads(installation.lti_keys(session) or b"[]")
-        return [one for one in kept if one["until"] is None or datetime.fromisoformat(one["until"]) > self.clock()]
+        return [key for key in kept if key["until"] is None or datetime.fromisoformat(key["until"]) > self.clock()]
 
     def _write(self, session: Session, kept: list[dict[str, Any]]) -> None:
         installation.keep_lti_keys(session, json.dumps(kept).encode())

@@ -76,8 +76,8 @@ def persons_in(body: bytes, issuer: str) -> list[Person]:
     """Returns the active members on one page. Raises Unprocessable."""
     try:
         listed = json.loads(body)["members"]
-        active = [one for one in listed if one.get("status", "Active") == "Active" and is_known(one)]
-        return [person_of(one, issuer) for one in active]
+        active = [entry for entry in listed if entry.get("status", "Active") == "Active" and is_known(entry)]
+        return [person_of(entry, issuer) for entry in active]
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise Unprocessable("The platform's roster cannot be read.") from error
 

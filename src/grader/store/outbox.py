@@ -136,12 +136,12 @@ def note(session: Session, changed: Collection[LearnerAt], only: str = ALL, kind
     holds the learners' locks. Adds a row for each result and destination, or counts one more change of it."""
     if not changed:
         return []
-    courses = {one.course for one in changed}
+    courses = {result.course for result in changed}
     keys = {
-        _key_of_delivery(destination, one): one.course
+        _key_of_delivery(destination, result): result.course
         for destination in session.connection().execute(OPEN_DESTINATIONS, {"courses": list(courses)})
-        for one in changed
-        if only in (ALL, destination.id) and kind in (ALL, destination.kind) and _is_wanted(destination, one)
+        for result in changed
+        if only in (ALL, destination.id) and kind in (ALL, destination.kind) and _is_wanted(destination, result)
     }
     if not keys:
         return []

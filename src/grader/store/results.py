@@ -116,7 +116,10 @@ def save(session: Session, changed: Sequence[Columns], revised: Sequence[Columns
 
 def rows_of(changed: Sequence[Columns], revised: Sequence[Columns], clock: datetime) -> list[TableRows]:
     """The rows of results, which replace those before, and a row of the feed for each new revision."""
-    return [(Result, changed), (ResultRevision, [read_feed_columns(one) | {"created_at": clock} for one in revised])]
+    return [
+        (Result, changed),
+        (ResultRevision, [read_feed_columns(result) | {"created_at": clock} for result in revised]),
+    ]
 
 
 def read_feed_columns(result: Columns) -> Columns:

@@ -119,7 +119,7 @@ def settle(new: Sequence[tuple[Submission, Verdict | None]], clock: datetime) ->
     graded = [(submission, verdict) for submission, verdict in new if verdict is not None]
     return [
         (Submission, [values_of(submission) for submission, _ in new]),
-        (VerdictRow, [_verdict_values(*one, "grading") | {"created_at": clock} for one in graded]),
+        (VerdictRow, [_verdict_values(*pair, "grading") | {"created_at": clock} for pair in graded]),
         (Event, [{"submission_id": one.id, "number": 1, "name": one.status, "created_at": clock} for one, _ in new]),
     ]
 

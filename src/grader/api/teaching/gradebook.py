@@ -60,7 +60,7 @@ def export_gradebook(
     library = services.content.of(who.course).library
     quizzes = list(library.quizzes.values()) if quiz is None else [library.quiz(quiz)]
     columns = columns_of(quizzes) if by is Unit.QUESTION else quiz_columns(quizzes)
-    ids = [one.id for one in quizzes]
+    ids = [quiz.id for quiz in quizzes]
     with services.database.read() as session:
         instructors = results.instructors(session, who.course)
         state = results.state(session, who.course, ids)

@@ -191,7 +191,7 @@ def recompute_reviews(body: QuestionBody, who: Instructor, services: AppServices
     """
     desk = services.desk_of(who.course)
     waiting = rubric_changes.list_outdated(desk, body.quiz, body.question, who.course)
-    return {"changed": sum(rubric_changes.recompute(desk, one, who) for one in waiting)}
+    return {"changed": sum(rubric_changes.recompute(desk, submission, who) for submission in waiting)}
 
 
 @router.get(

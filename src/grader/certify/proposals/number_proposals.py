@@ -180,12 +180,12 @@ class NumberSearch:
 
     def fit(self, shown: Sequence[Shown]) -> Iterator[Fitted]:
         """Yields the expressions that are in the unit; as they are where a quantity is read from moments alone."""
-        for one in shown:
-            fitted = fit_unit(one, self.scene.model, self.unit)
+        for fit in shown:
+            fitted = fit_unit(fit, self.scene.model, self.unit)
             if fitted is not None and any(name not in BASE_UNITS for name in self.names):
                 yield fitted
             elif any(name in BASE_UNITS for name in self.names):
-                yield Fitted(one.expr, one, None, is_certain=False)
+                yield Fitted(fit.expr, fit, None, is_certain=False)
 
     def measure(
         self, one: Fitted, name: Measured, seconds: float, times: Floats, values: Floats

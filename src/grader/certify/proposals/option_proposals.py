@@ -89,7 +89,7 @@ def list_candidates(key: OptionKey, asked: Asked, scene: LabScene, text: str) ->
     if not any(amounts) and ways is None:
         return
     shown = scene.list_shown() or scene.list_joints()
-    run = scene.run([one.expr for one in shown], scene.seconds)
+    run = scene.run([curve.expr for curve in shown], scene.seconds)
     for one, column in zip(shown, run.readouts, strict=True):
         values = read_numbers(column)
         if not np.isfinite(values).all():
@@ -168,7 +168,7 @@ def list_rankings(
     if name is None or None in settings:
         return
     shown = scene.list_shown() or scene.list_joints()
-    lab = remove_display(scene.lab, *(one.expr for one in shown))
+    lab = remove_display(scene.lab, *(curve.expr for curve in shown))
     runs = [run_setting(lab, scene, setting) for setting in settings]
     for index, one in enumerate(shown):
         for expr, change in ((one.expr, np.asarray), (f"Math.abs({one.expr})", np.abs)):

@@ -67,5 +67,5 @@ def shorten(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: shorten(one) for key, one in value.items()}
     if isinstance(value, list):
-        return [shorten(one) for one in value]
+        return [shorten(item) for item in value]
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < WHOLE_MAX else value

@@ -129,8 +129,8 @@ def find_scenes(library: Library, quiz_id: str, question: Question) -> list[LabS
 def list_labs_near(library: Library, quiz_id: str) -> Iterator[LabConfig]:
     """Yields the labs of a lesson, then the simulations of its questions, those of a quiz first, each once."""
     lesson = quiz_id.partition("-")[0]
-    near = [quiz_id, *(one for one in library.quizzes if one != quiz_id and one.partition("-")[0] == lesson)]
-    quizzes = [library.quiz(one) for one in near]
+    near = [quiz_id, *(other for other in library.quizzes if other != quiz_id and other.partition("-")[0] == lesson)]
+    quizzes = [library.quiz(id_) for id_ in near]
     labs = [lab for quiz in quizzes for lab in quiz.labs if isinstance(lab, SimLab)]
     sims = [kind_of(question).lab(question) for quiz in quizzes for question in quiz.questions]
     seen: list[LabConfig] = []

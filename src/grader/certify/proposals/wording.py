@@ -157,14 +157,14 @@ def read_way(text: str) -> Way | None:
 def read_ways(question: str, options: tuple[str, ...]) -> list[Way] | None:
     """Returns what each option says of a change, all different; yes and no are read beside the question."""
     plain = [plain_text(option) for option in options]
-    if len(plain) == 2 and sorted((bool(AFFIRMED.match(one)), bool(DENIED.match(one))) for one in plain) == [
+    if len(plain) == 2 and sorted((bool(AFFIRMED.match(option)), bool(DENIED.match(option))) for option in plain) == [
         (False, True), (True, False),
     ]:  # fmt: skip
         asked = read_way(question)
         other = {Way.SAME: Way.MOVES}.get(asked, Way.SAME) if asked is not None else None
         if asked is None or other is None:
             return None
-        return [asked if AFFIRMED.match(one) else other for one in plain]
+        return [asked if AFFIRMED.match(option) else other for option in plain]
     ways = [read_way(option) for option in options]
     known = [way for way in ways if way is not None]
     return known if len(known) == len(ways) == len(set(known)) else None

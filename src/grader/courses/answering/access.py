@@ -127,7 +127,7 @@ def read_access(session: Session, library: Library, who: Identity, at: tuple[str
 
 def may_be_extended(policy: Policy, quiz: Quiz, question: str | None) -> bool:
     """Whether an extension could change anything at a question or any: where there are dates, or limited attempts."""
-    limits = [one.attempts for one in quiz.questions if question in (None, one.id)]
+    limits = [candidate.attempts for candidate in quiz.questions if question in (None, candidate.id)]
     return policy.due is not None or policy.attempts is not None or any(limit is not None for limit in limits)
 
 

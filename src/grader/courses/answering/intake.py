@@ -117,7 +117,7 @@ class AnswerBatch:
         if not accepted:
             return 0
         new = [NewSubmission(one.library, receipt.submission, receipt.verdict, one.place) for one, receipt in accepted]
-        keys = [make_key_row(*one) for one in self._receipts.values()]
+        keys = [make_key_row(*receipt) for receipt in self._receipts.values()]
         store_new(session, new, self._states, self.clock, (IdempotencyKey, keys))
         for answer, receipt in accepted:
             if receipt.verdict is None:

@@ -54,7 +54,7 @@ class CoursePolicy:
 def read_policies(session: Session, library: Library, course: str, quizzes: Iterable[str]) -> dict[str, Policy]:
     """Returns the policies in force of quizzes in a course, by quiz; of those alone that the content has."""
     changes = policies.of_course(session, course)
-    here = [library.quizzes[one] for one in quizzes if one in library.quizzes]
+    here = [library.quizzes[id_] for id_ in quizzes if id_ in library.quizzes]
     return {quiz.id: policy_in_force(quiz.default_policy, changes.get(quiz.id)) for quiz in here}
 
 

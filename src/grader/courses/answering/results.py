@@ -157,9 +157,11 @@ def predict_points(
 ) -> float | None:
     """The points that would count if submissions had these statuses and points; None if nothing would count yet."""
     attempts = {row.id: make_attempt(row) for row in results.attempts_of(session, key)}
-    for one in submissions.several(session, list(verdicts)):
-        status, points = verdicts[one.id]
-        attempts[one.id] = Attempt(one.id, one.attempt, one.created_at, status, points, status.uses_attempt)
+    for submission in submissions.several(session, list(verdicts)):
+        status, points = verdicts[submission.id]
+        attempts[submission.id] = Attempt(
+            submission.id, submission.attempt, submission.created_at, status, points, status.uses_attempt
+        )
     now_counted = counted([attempts[attempt] for attempt in sorted(attempts)], *read_rules(session, library, key))
     return now_counted.points if now_counted.sources or results.find(session, key) else None
 
@@ -271,4 +273,4 @@ def add_diagnosis(before: str, diagnosis: str | None) -> str:
 
 def dump_diagnoses(diagnoses: Sequence[str | None]) -> str:
     """Diagnoses, each once, as the JSON list that a result keeps."""
-    return json.dumps(sorted({one for one in diagnoses if one}))
+    return json.dumps(sorted({diagnosis for diagnosis in diagnoses if diagnosis}))

@@ -157,7 +157,8 @@ class Regrading:
         # No reviewer and no other regrade decides in between: with the lock, submissions at rest stay as they are read.
         self.database.lock(session, f"reviews\n{regrade.course}")
         items = {
-            item.number: item for item in regrades.numbered(session, regrade.id, [one.work.number for one in done])
+            item.number: item
+            for item in regrades.numbered(session, regrade.id, [outcome.work.number for outcome in done])
         }
         found = {
             submission.id: submission
@@ -166,9 +167,9 @@ class Regrading:
         storing = _Storing(self, session, regrade, self.archive.current_library(session, regrade.course, regrade.quiz))
         pause_s = 0.0
         for _, theirs in groupby(done, key=lambda one: one.work.place):
-            for one in theirs:  # in their order, so that the first tells what counted before
-                item = items[one.work.number]
-                if waits_s := storing.settle(item, found.get(item.submission_id), one):
+            for outcome in theirs:  # in their order, so that the first tells what counted before
+                item = items[outcome.work.number]
+                if waits_s := storing.settle(item, found.get(item.submission_id), outcome):
                     pause_s = max(pause_s, waits_s)
                     break
         session.flush()
@@ -249,9 +250,9 @@ def read_works(session: Session, items: Sequence[RegradeItem]) -> Iterator[Work]
 def list_changed(session: Session, item: RegradeItem) -> dict[str, tuple[Status, float]]:
     """Returns the new verdicts of the learner at the question so far, by submission."""
     return {
-        one.submission_id: (Status(one.new_status), one.new_points or 0.0)
-        for one in regrades.at_place(session, item.regrade_id, item.place)
-        if one.outcome == Outcome.CHANGED and one.new_status is not None
+        other.submission_id: (Status(other.new_status), other.new_points or 0.0)
+        for other in regrades.at_place(session, item.regrade_id, item.place)
+        if other.outcome == Outcome.CHANGED and other.new_status is not None
     }
 
 

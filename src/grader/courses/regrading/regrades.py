@@ -81,7 +81,7 @@ def refuse_more(session: Session, regrade: Regrade) -> None:
     running = regrades.unfinished(session, regrade.course)
     if len(running) >= UNFINISHED_MAX:
         raise Conflict(f"{UNFINISHED_MAX} regrades are in progress: wait for one, or cancel one.")
-    if any(not (one.dry_run or regrade.dry_run) and one.quiz == regrade.quiz for one in running):
+    if any(not (other.dry_run or regrade.dry_run) and other.quiz == regrade.quiz for other in running):
         raise Conflict(f"A regrade of {regrade.quiz!r} is in progress: wait for it, or cancel it.")
 
 

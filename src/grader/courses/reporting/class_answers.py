@@ -152,7 +152,7 @@ def build_answers(rows: Sequence[tuple[Submission, Mapping[str, object]]], quest
     """Returns the answers of these submissions, whose verdicts are plain JSON. Names are left out."""
     place = choose_placing(question)
     placed = [list(place(verdict)) for _, verdict in rows]
-    axes = merge_axes([axis for axis, _ in one] for one in placed)
+    axes = merge_axes([axis for axis, _ in pairs] for pairs in placed)
     by_learner: dict[str, list[ClassAttempt]] = {}
     for (row, verdict), one in zip(rows, placed, strict=True):
         by_learner.setdefault(row.learner, []).append(build_attempt(row, verdict, read_positions(one)))
@@ -164,7 +164,7 @@ def build_attempt(row: Submission, verdict: Mapping[str, object], positions: Map
     status, diagnosis, line = (verdict.get(name) for name in ("status", "diagnosis", "line"))
     evidence = verdict.get("evidence")
     option = evidence.get("option") if isinstance(evidence, dict) else None
-    chosen = tuple(one for one in (option if isinstance(option, list) else [option]) if isinstance(one, int))
+    chosen = tuple(index for index in (option if isinstance(option, list) else [option]) if isinstance(index, int))
     return ClassAttempt(
         row.id, row.learner, "", row.attempt, row.created_at, status == Status.CORRECT,
         name_mistake(str(status), diagnosis if isinstance(diagnosis, str) else None),

@@ -63,7 +63,7 @@ def find_stuck(session: Session, course: str, without: Collection[str]) -> list[
     since = now() - RECENT
     tries = submissions.unsolved(session, course, since, ATTEMPTS_MIN, newest=SUBMISSIONS_MAX, limit=PLACES_MAX)
     runs = [run for run in find_runs(tries) if run[-1].learner not in without]
-    newest = [one.submission for run in runs for one in run[-ATTEMPTS_MIN:]]
+    newest = [attempt.submission for run in runs for attempt in run[-ATTEMPTS_MIN:]]
     return select_stuck(runs, submissions.verdicts_of(session, newest))
 
 
@@ -87,7 +87,7 @@ def select_stuck(runs: Iterable[Sequence[Try]], verdicts: Mapping[str, Any]) -> 
     """Returns the runs whose last `ATTEMPTS_MIN` attempts have one diagnosis, the longest first. Pure."""
     found = []
     for run in runs:
-        diagnoses = {verdicts[one.submission]["diagnosis"] for one in run[-ATTEMPTS_MIN:]}
+        diagnoses = {verdicts[attempt.submission]["diagnosis"] for attempt in run[-ATTEMPTS_MIN:]}
         if len(diagnoses) == 1 and (diagnosis := diagnoses.pop()):
             newest = run[-1]
             at = (newest.learner, newest.name, newest.quiz, newest.question)

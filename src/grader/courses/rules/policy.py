@@ -187,7 +187,7 @@ def counted(attempts: Sequence[Attempt], policy: Policy, extension: Extension | 
     used = [attempt for attempt in attempts if attempt.uses_attempt]
     decided = [attempt for attempt in used if attempt.status is not None]
     waiting = used if policy.counts == "average" else used[-1:]
-    is_final = len(decided) == len(used) and all(one.status is not Status.NEEDS_REVIEW for one in waiting)
+    is_final = len(decided) == len(used) and all(attempt.status is not Status.NEEDS_REVIEW for attempt in waiting)
     if not decided:
         return Counted(0.0, (), is_final)
     extension = extension or NO_EXTENSION

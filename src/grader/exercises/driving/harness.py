@@ -208,8 +208,8 @@ def account(error: BaseException, student: object, hidden: bool, *, shown: bool 
     trial, writes it to stderr too."""
     file = getattr(student, "__file__", "")
     frames: list[traceback.FrameSummary] = []
-    for one in chain(error):
-        frames = frames or [frame for frame in traceback.extract_tb(one.__traceback__) if frame.filename == file]
+    for cause in chain(error):
+        frames = frames or [frame for frame in traceback.extract_tb(cause.__traceback__) if frame.filename == file]
     what = built_in(error).__name__
     if not hidden:
         with contextlib.suppress(Exception):  # the student's own __str__

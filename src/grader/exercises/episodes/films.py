@@ -60,8 +60,8 @@ def keep_runs(outcome: Outcome) -> list[dict[str, Any]]:
     """Returns the episode that is shown of a case; where it failed, beside the first that succeeded."""
     chosen = choose_episode(outcome)
     others = [place for place, failed in enumerate(outcome.failed) if not failed and place != chosen][:1]
-    places = [one for one in (chosen, *others) if len(outcome.records[one].time_s)]
-    return [keep_run(one, outcome.records[one]) for one in (places if outcome.failed[chosen] else places[:1])]
+    places = [index for index in (chosen, *others) if len(outcome.records[index].time_s)]
+    return [keep_run(index, outcome.records[index]) for index in (places if outcome.failed[chosen] else places[:1])]
 
 
 def keep_run(place: int, record: Record) -> dict[str, Any]:
@@ -107,7 +107,7 @@ def build_film(problem: Problem, kept: Kept) -> Film | None:
         return None
     title = problem.case.title or f"case {kept.case}"
     title = title[0].upper() + title[1:]
-    ends = [f"{one.title} {one.ended}" for one in panels if one.ended]
+    ends = [f"{panel.title} {panel.ended}" for panel in panels if panel.ended]
     end_s = max(float(panel.times_s[-1]) for panel in panels)
     return Film(kept.case, title, f"{title}: {'; '.join(ends) or 'simulated to its end'}.", scene, end_s, panels)
 

@@ -178,7 +178,7 @@ def pose_case(
     if steps < 1 or abs(steps * model.opt.timestep - parameters.period_s) > 1e-6 * parameters.period_s:
         raise WrongParameter("period_s", f"must be a multiple of the model's timestep, {model.opt.timestep:g} s")
     periods = round(parameters.duration_s / parameters.period_s)
-    if periods < 2 or steps * periods * sum(one.episodes for one in parameters.cases) > STEPS_MAX:
+    if periods < 2 or steps * periods * sum(case.episodes for case in parameters.cases) > STEPS_MAX:
         raise WrongParameter("duration_s", f"takes less than 2 periods, or more than {STEPS_MAX} steps in all")
     if not model.nu:
         raise WrongParameter("model", "has no actuator to control")

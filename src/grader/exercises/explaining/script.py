@@ -64,7 +64,7 @@ class Script:
     def returns_in_loops(self) -> list[int]:
         """The lines of `return` within a loop of the same function."""
         loops = [node for node in self.nodes if isinstance(node, LOOPS)]
-        return sorted({one.lineno for loop in loops for one in walk_within(loop) if isinstance(one, ast.Return)})
+        return sorted({inner.lineno for loop in loops for inner in walk_within(loop) if isinstance(inner, ast.Return)})
 
     @cached_property
     def keeps_values_outside(self) -> bool:
@@ -73,11 +73,11 @@ class Script:
         for node in self.nodes:
             if isinstance(node, ast.Global | ast.Nonlocal | ast.ClassDef):
                 return True
-            if isinstance(node, FUNCTIONS) and any(isinstance(one, MUTABLE) for one in list_defaults(node.args)):
+            if isinstance(node, FUNCTIONS) and any(isinstance(value, MUTABLE) for value in list_defaults(node.args)):
                 return True
         return bool(self.names & CACHES) or any(
             isinstance(node, ast.Assign | ast.AnnAssign) and not node.col_offset
-            and any(isinstance(one, MUTABLE) for one in (node.value, *list_items(node.value)))
+            and any(isinstance(value, MUTABLE) for value in (node.value, *list_items(node.value)))
             for node in self.nodes
         ) or self.has_function_attribute  # fmt: skip
 
@@ -154,7 +154,7 @@ class Script:
         tests: dict[int, int] = {}
         for node in self.nodes:  # from outside to inside: the innermost `if` is the last
             if isinstance(node, ast.If):
-                tests.update((id(one), node.lineno) for one in walk_within(node))
+                tests.update((id(inner), node.lineno) for inner in walk_within(node))
         found: list[tuple[str, int, int]] = []
         for node in self.nodes:
             for target, value in list_pairs(node):
@@ -250,8 +250,8 @@ def writes_field(node: ast.stmt, field: str) -> bool:
     """Whether a statement assigns to an attribute of this name, or into it."""
     targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
     for target in targets:
-        for one in list_items(target):
-            inner = one.value if isinstance(one, ast.Subscript) else one
+        for item in list_items(target):
+            inner = item.value if isinstance(item, ast.Subscript) else item
             if isinstance(inner, ast.Attribute) and inner.attr == field:
                 return True
     call = node.value if isinstance(node, ast.Expr) else None
@@ -264,7 +264,7 @@ def is_half(value: ast.expr) -> bool:
     """Whether a value is half of something, of a part of it, or a root: the middle of a bisection."""
     for node in ast.walk(value):
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div | ast.Mult | ast.FloorDiv):
-            numbers = [one.value for one in (node.left, node.right) if isinstance(one, ast.Constant)]
+            numbers = [side.value for side in (node.left, node.right) if isinstance(side, ast.Constant)]
             if any(number in (2, 0.5) for number in numbers):
                 return True
     return False

@@ -38,7 +38,7 @@ STEPPED = (
 )
 
 
-ALL_TYPES = [one.__name__ for one in vars(types).values() if isinstance(one, type)]
+ALL_TYPES = [kind.__name__ for kind in vars(types).values() if isinstance(kind, type)]
 """Names of Python's types that are no built-in names, such as `function`."""
 
 
@@ -83,7 +83,7 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
     findings = build_findings(question, titles, judged)
     ends = [end for _, end in found]
     if ends[0] is not None and all(ends):
-        visible = {choose_message(one) for one in judged if not one.hidden}
+        visible = {choose_message(trial) for trial in judged if not trial.hidden}
         first = choose_message(judged[0])
         return build_failure(question, ends[0], first if len(visible) == 1 else f"{titles[0]}: {first}", findings)
     whole = [one for one, end in zip(judged, ends, strict=True) if not end]
@@ -97,9 +97,9 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
         diagnosis=mistake.sentence if mistake else None,
         line=mistake.line if mistake else None,
         direction=direction,
-        evidence=build_evidence(kind, plan.parameters, [one for one in whole if not one.hidden]),
+        evidence=build_evidence(kind, plan.parameters, [trial for trial in whole if not trial.hidden]),
     )
-    review = next((one.judgement.review for one in judged if one.judgement.review), "")
+    review = next((trial.judgement.review for trial in judged if trial.judgement.review), "")
     if review and verdict.status is not Status.INCORRECT:
         return verdict.model_copy(update={"status": Status.NEEDS_REVIEW, "diagnosis": review, "direction": review})
     if verdict.status is not Status.CORRECT:

@@ -21,7 +21,7 @@ ALLOWED = (
 )  # fmt: skip
 """The node types of compiled code. No attribute, import, lambda or comprehension is among them."""
 
-ALLOWED_EXACTLY = {one for kind in ALLOWED for one in (kind, *kind.__subclasses__())}
+ALLOWED_EXACTLY = {allowed for kind in ALLOWED for allowed in (kind, *kind.__subclasses__())}
 """With the operators and contexts. To look one up takes a fraction of the time of `isinstance`."""
 
 PLACED = (ast.expr, ast.stmt, ast.arg, ast.excepthandler)
@@ -88,7 +88,7 @@ def _fill(node: Any, parts: Mapping[str, Part]) -> Any:
         return ast.Name(part, node.ctx) if isinstance(part, str) else part
     if kind is list:
         made = [_fill(child, parts) for child in node]
-        return [one for child in made for one in (child if isinstance(child, list) else [child])]
+        return [part for child in made for part in (child if isinstance(child, list) else [child])]
     if kind is ast.Expr and isinstance(node.value, ast.Name):
         inner = _fill(node.value, parts)
         return inner if isinstance(inner, list) else ast.Expr(inner)

@@ -34,7 +34,7 @@ def suggest(name: str, known: Collection[str]) -> str:
     """Returns what an author may have meant by a name, for the end of a sentence; empty where nothing is near. A name
     alone may lack its root: `qpos` means `data.qpos`."""
     last = name.rpartition(".")[2]
-    rooted = [one for one in known if one.rpartition(".")[2] == last and one != name]
+    rooted = [candidate for candidate in known if candidate.rpartition(".")[2] == last and candidate != name]
     near = rooted[:1] or get_close_matches(name, known, n=1, cutoff=0.75)
     return f": did you mean {near[0]}?" if near else ""
 

@@ -108,7 +108,9 @@ def _list_commands() -> list[str]:
 
     named = [value for value in vars(commands).values() if isinstance(value, str)]
     letters = [unicodedata.name(chr(code)).split()[-1].lower() for code in range(0x3B1, 0x3CA) if code != 0x3C2]
-    return sorted({one for one in named if UNREAD_COMMAND.fullmatch(one)} | {f"\\{letter}" for letter in letters})
+    return sorted(
+        {command for command in named if UNREAD_COMMAND.fullmatch(command)} | {f"\\{letter}" for letter in letters}
+    )
 
 
 def _list_tag_remarks(tags: Sequence[str]) -> Iterator[str]:

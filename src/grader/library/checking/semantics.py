@@ -58,7 +58,7 @@ def named_models(raw: Any, key: str) -> Iterator[tuple[str, str]]:
             if name == "model" and isinstance(item, str):
                 yield dotted(key, name), item
             elif name == "models" and isinstance(item, list):
-                named = [one[0] if isinstance(one, list) and one else one for one in item]
+                named = [part[0] if isinstance(part, list) and part else part for part in item]
                 yield from ((dotted(key, name, index), one) for index, one in enumerate(named) if isinstance(one, str))
             elif not name.startswith("x-"):
                 yield from named_models(item, dotted(key, name))

@@ -244,7 +244,9 @@ def _read_options(reading: _Reading, block: list[Token], line: int) -> None:
     kind = reading.sections[-1].values.get("kind")
     several = len(right) > 1 if kind is None else kind == "multiple"
     if not several and len(right) > 1:
-        raise _Refused(f"options {', '.join(str(one + 1) for one in right)} are marked: {kind} has one right option")
+        raise _Refused(
+            f"options {', '.join(str(index + 1) for index in right)} are marked: {kind} has one right option"
+        )
     reading.set("answer", right if several else right[0], line)
 
 

@@ -111,7 +111,7 @@ def _write_parts(own: dict[str, Any], question: Mapping[str, Any]) -> Iterator[s
 
 
 def _are_texts(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(one, str) for one in value)
+    return isinstance(value, list) and all(isinstance(item, str) for item in value)
 
 
 def _write_fence(name: str, value: Any) -> str:
@@ -127,7 +127,7 @@ def format_json(value: Any, indent: int = 0) -> str:
         return line
     inner = " " * (indent + 1)
     if isinstance(value, list):
-        rows = [format_json(one, indent + 1) for one in value]
+        rows = [format_json(item, indent + 1) for item in value]
     else:
         rows = [
             f"{json.dumps(name, ensure_ascii=False)}: {format_json(one, indent + 1)}" for name, one in value.items()

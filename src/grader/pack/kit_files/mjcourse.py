@@ -9,6 +9,6 @@ def model_path(name: str) -> Path:
     """Path of a model by its name, e.g. model_path("pendulum"). Raises FileNotFoundError."""
     path = MODELS / f"{Path(str(name)).name.removesuffix('.xml')}.xml"
     if not path.is_file():
-        known = ", ".join(sorted(one.stem for one in MODELS.glob("*.xml"))) or "none"
+        known = ", ".join(sorted(path.stem for path in MODELS.glob("*.xml"))) or "none"
         raise FileNotFoundError(f"There is no model {name!r} in this kit; it has: {known}")
     return path

@@ -96,8 +96,8 @@ def keys_in(body: bytes) -> dict[str, dict[str, Any]]:
     """Returns the RSA keys for signatures of a JWK set by `kid`; a key need not name its `alg` and `use`."""
     try:
         listed = json.loads(body)["keys"][:KEYS_MAX]
-        usable = [one for one in listed if one["kty"] == "RSA" and one.get("use", "sig") == "sig"]
-        signing = [one for one in usable if one.get("alg", "RS256") == "RS256"]
-        return {str(one["kid"]): one for one in signing if len(one["n"]) <= MODULUS_CHARACTERS_MAX}
+        usable = [key for key in listed if key["kty"] == "RSA" and key.get("use", "sig") == "sig"]
+        signing = [key for key in usable if key.get("alg", "RS256") == "RS256"]
+        return {str(key["kid"]): key for key in signing if len(key["n"]) <= MODULUS_CHARACTERS_MAX}
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return {}

@@ -92,7 +92,7 @@ class Scores:
         remarks = reviews.read_remarks(session, [result.submission_id for result in theirs.values()])
         score = score_of(theirs, worth, row.question, remarks)
         sent = None if row.sent is None else Score.from_json(row.sent)
-        tried = [Score.from_json(one) for one in json.loads(row.tried or "[]")]
+        tried = [Score.from_json(item) for item in json.loads(row.tried or "[]")]
         if score is None or is_no_student(session, row) or not is_news(score, sent, tried, forced=row.forced):
             return Unneeded()
         asked = [row.question] if row.question else [*theirs]
@@ -110,7 +110,7 @@ class Scores:
         known = [*tried, *([sent] if sent is not None else [])]
         row.timestamp = timestamp
         tries = tried if tried[-1:] == [score] else [*tried, score]
-        row.tried = json.dumps([one.to_json() for one in tries[-TRIED_MAX:]])
+        row.tried = json.dumps([score.to_json() for score in tries[-TRIED_MAX:]])
         title = row.quiz if quiz is None else quiz.title
         label = f"{title}: {row.question}" if row.question else title
         contested = is_contested(score, sent, tried)
@@ -191,7 +191,7 @@ def is_news(score: Score, sent: Score | None, tried: Sequence[Score], *, forced:
     """Says whether a score says something new. After a final one no pending one is sent: it would clear the grade."""
     if forced:
         return True
-    if not score.is_final and any(one.is_final for one in (*tried, *([sent] if sent is not None else []))):
+    if not score.is_final and any(earlier.is_final for earlier in (*tried, *([sent] if sent is not None else []))):
         return False
     return bool(tried) or score != sent
 
@@ -200,7 +200,7 @@ def is_contested(score: Score, sent: Score | None, tried: Sequence[Score]) -> bo
     """Says whether another score may still arrive and replace this one, where the platform shows this one. `tried` is
     in the order of timestamps, and what a platform has taken keeps out all that is earlier. So nothing replaces this
     score if its tries all came after those of others, and it was not `sent` before them."""
-    same = [replace(one, activity=score.activity) == score for one in tried]
+    same = [replace(earlier, activity=score.activity) == score for earlier in tried]
     if all(same):
         return False
     was_sent = sent is not None and replace(sent, activity=score.activity) == score
@@ -234,9 +234,9 @@ def is_settled(prepared: Prepared, found: PlatformResult) -> bool:
     score = prepared.score
     if prepared.is_contested or not score.is_final or found.score is None or not score.is_at(found):
         return False
-    alike = [one for one in prepared.known if one.is_at(found)]
+    alike = [known for known in prepared.known if known.is_at(found)]
     has_comment = not score.comment or bool(alike)  # a person may have entered the same points
-    return has_comment and all(one.is_final and one.comment == score.comment for one in alike)
+    return has_comment and all(known.is_final and known.comment == score.comment for known in alike)
 
 
 def is_a_persons(prepared: Prepared, found: PlatformResult) -> bool:

@@ -59,7 +59,7 @@ def insert_rows(session: Session, *tables: TableRows, replace: type[DeclarativeB
     the server takes to insert its rows. SQLite gets one for each table, which it prepares once for all rows."""
     connection = session.connection()
     filled = [(table, _with_defaults(table, rows)) for table, rows in tables if rows]
-    columns = [(table, tuple(one.name for one in table.__table__.columns if one.name in rows[0]))
+    columns = [(table, tuple(column.name for column in table.__table__.columns if column.name in rows[0]))
                for table, rows in filled]  # fmt: skip
     if connection.dialect.name == "sqlite":
         for (table, names), (_, rows) in zip(columns, filled, strict=True):
@@ -72,10 +72,15 @@ def insert_rows(session: Session, *tables: TableRows, replace: type[DeclarativeB
 
 def _with_defaults(table: type[DeclarativeBase], rows: Rows) -> Rows:
     """The rows with the defaults of the columns that they lack."""
-    missing = [one for one in table.__table__.columns if one.default is not None and one.name not in rows[0]]
+    missing = [
+        column for column in table.__table__.columns if column.default is not None and column.name not in rows[0]
+    ]
     if not missing:
         return rows
-    defaults = {one.name: one.default.arg(None) if one.default.is_callable else one.default.arg for one in missing}
+    defaults = {
+        column.name: column.default.arg(None) if column.default.is_callable else column.default.arg
+        for column in missing
+    }
     return [defaults | dict(row) for row in rows]
 
 
@@ -126,5 +131,5 @@ def _insert_values(table: type[DeclarativeBase], names: tuple[str, ...], *, repl
 
 def _replacing(row: Any, table: type[DeclarativeBase]) -> Any:
     columns = table.__table__.columns
-    replaced = {one.name: row.excluded[one.name] for one in columns if not one.primary_key}
-    return row.on_conflict_do_update(index_elements=[one for one in columns if one.primary_key], set_=replaced)
+    replaced = {column.name: row.excluded[column.name] for column in columns if not column.primary_key}
+    return row.on_conflict_do_update(index_elements=[column for column in columns if column.primary_key], set_=replaced)

@@ -23,7 +23,7 @@ def folded(name: str | None) -> str | None:
     """The same in Python, which is SQLite's function of this name: its own `lower` knows ASCII alone."""
     if name is None or name.isascii():
         return name and name.lower()
-    return "".join(one for one in unicodedata.normalize("NFD", name) if ord(one) not in MARKS).lower()
+    return "".join(character for character in unicodedata.normalize("NFD", name) if ord(character) not in MARKS).lower()
 
 
 @compiles(Folded, "sqlite")

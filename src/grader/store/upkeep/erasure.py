@@ -132,7 +132,7 @@ def _mistakes(session: Session, member: Member) -> None:
         diagnoses.setdefault((quiz, question), set()).add(json.loads(body)["diagnosis"])
     for result in session.scalars(select(Result).where(Result.course == member.course, Result.learner == member.id)):
         known = diagnoses.get((result.quiz, result.question), set())
-        result.diagnoses = json.dumps([one for one in json.loads(result.diagnoses) if one in known])
+        result.diagnoses = json.dumps([diagnosis for diagnosis in json.loads(result.diagnoses) if diagnosis in known])
 
 
 def reduced(verdict: Verdict, seed: int | None) -> Verdict:

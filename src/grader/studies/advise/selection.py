@@ -313,8 +313,8 @@ class _Survey:
 
     def by_accident(self, candidate: Candidate) -> bool:
         """Whether a smaller timestep of the same integrator does not pass."""
-        own = (one for one in self.measured.values() if one.integrator is candidate.integrator)
-        return any(one.timestep_s < candidate.timestep_s and not self.passes(one) for one in own)
+        own = (other for other in self.measured.values() if other.integrator is candidate.integrator)
+        return any(other.timestep_s < candidate.timestep_s and not self.passes(other) for other in own)
 
     def choose(self, own: Setting) -> Selection:
         """Returns the selection among what was measured."""

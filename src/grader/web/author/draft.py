@@ -71,7 +71,7 @@ def show_question(
         request, "draft_question.html", who=who, quiz=quiz, question=question_id, state=chosen, states=STATES,
         preview=build_preview(library, quiz, question, chosen, policy), samples=list_samples(question), seen_as=True,
         starter=library.starter(question) if kind_of(question).is_script else None, learner="",
-        proposals=[one.to_json() for one in propose_for_question(library, quiz_id, question, passed)],
+        proposals=[proposal.to_json() for proposal in propose_for_question(library, quiz_id, question, passed)],
         certificates=[row for row in rows if (row["quiz"], row["question"]) == (quiz_id, question_id)],
     )  # fmt: skip
 

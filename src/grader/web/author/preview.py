@@ -113,7 +113,7 @@ def build_asked(
     place = describe_place(access, quiz, question, given, None)
     if given is not None and given.is_decided and decision.shown >= Shown.FEEDBACK:
         place = replace(place, points=found[1].points if found else None)
-    view = next(one for one in describe_quiz(library, quiz)["questions"] if one["id"] == question.id)
+    view = next(candidate for candidate in describe_quiz(library, quiz)["questions"] if candidate["id"] == question.id)
     view["path"] = f"/try/{quiz.id}/{question.id}"
     return describe_question(view, question, quiz.id, Work(access, {(quiz.id, question.id): place}), typed)
 

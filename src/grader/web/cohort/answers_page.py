@@ -228,6 +228,6 @@ def find_wrong_pile(at: ClassAt, axis: ClassAxis | None) -> tuple[int, str] | No
     """Returns how many learners share the commonest wrong answer, and the answer; None where no two share one."""
     if axis is None:
         return None
-    wrong = Counter(round_position(one, FIGURES, axis) for one in at.list_wrong(axis))
+    wrong = Counter(round_position(position, FIGURES, axis) for position in at.list_wrong(axis))
     said, count = max(wrong.items(), key=lambda one: one[1], default=("", 0))
     return (count, said) if count > 1 else None

@@ -314,7 +314,9 @@ def write_dot(dot: Dot, axis: ClassAxis, at: tuple[float, float], radius: float,
 def list_moves(dots: Sequence[Dot], axis: ClassAxis, across: Axis) -> list[tuple[float, float]]:
     """Returns from which pile to which the learners moved, between first answer and newest: the longest ways."""
     ends = [
-        [find_pile(one, axis, across) for one in (dot.before, dot.position)] for dot in dots if dot.before is not None
+        [find_pile(position, axis, across) for position in (dot.before, dot.position)]
+        for dot in dots
+        if dot.before is not None
     ]
     moves = [(start, end) for start, end in ends if abs(end - start) > 2 * DOT]
     return sorted(moves, key=lambda one: -abs(one[1] - one[0]))[:ARROWS_MAX]

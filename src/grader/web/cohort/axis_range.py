@@ -36,7 +36,7 @@ def choose_linear_range(values: Sequence[float], known: Sequence[float], axis: C
     if near:
         ends = sorted((near / FAR, near * FAR))
     else:
-        width = 10 * max((abs(one) for one in known), default=0.0) or math.inf
+        width = 10 * max((abs(value) for value in known), default=0.0) or math.inf
         ends = [-width, width]
     low_end = near - FAR_RIGHT * abs(near) if axis.is_at_most and near else ends[0]
     high_end = near + FAR_RIGHT * abs(near) if axis.is_at_least and near else ends[1]

@@ -49,9 +49,11 @@ def show_to_learner(
         ):
             raise Conflict(NOT_SOLVED)
         answers = services.classes.read_anonymous(session, who.course, (quiz_id, library.digest(quiz_id)), asked)
-    drawn = {one.id: len(list_dots(answers, one)) for one in answers.axes}
-    axes = [one for one in answers.axes if drawn[one.id] >= LEARNERS_MIN]
-    chosen = next((one for one in axes if one.id == axis), None) or next((one for one in axes if one.right), None)
+    drawn = {candidate.id: len(list_dots(answers, candidate)) for candidate in answers.axes}
+    axes = [candidate for candidate in answers.axes if drawn[candidate.id] >= LEARNERS_MIN]
+    chosen = next((candidate for candidate in axes if candidate.id == axis), None) or next(
+        (candidate for candidate in axes if candidate.right), None
+    )
     context: dict[str, Any] = {
         "title": list_titles(library)[quiz_id, question_id],
         "path": f"/quizzes/{quiz_id}/{question_id}",

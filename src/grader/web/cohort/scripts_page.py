@@ -51,7 +51,10 @@ def show_scripts(
     family = at.find_family(mistake)
     if family is None:
         raise NotFound("No answer ends in this mistake any more.")
-    made = [*((one.submission, True) for one in family.still), *((one.submission, False) for one in family.was)]
+    made = [
+        *((attempt.submission, True) for attempt in family.still),
+        *((attempt.submission, False) for attempt in family.was),
+    ]
     with services.database.read() as session:
         rows = {row.id: row.answer for row in submissions.several(session, [one for one, _ in made])}
     shown = made[start : start + SCRIPTS]
@@ -87,7 +90,7 @@ def comment_all(services: AppServices, who: Instructor, quiz_id: str, question_i
     family = at.find_family(form.get("mistake", ""))
     if family is None:
         raise NotFound("No answer ends in this mistake any more.")
-    attempts = [at.answers.find(one.submission) for one in family.still or family.was]
+    attempts = [at.answers.find(attempt.submission) for attempt in family.still or family.was]
     lines = {attempt.id: attempt.line for attempt in attempts if attempt is not None}
     with services.database.write() as session:
         rows = [(row, lines[row.id]) for row in submissions.several(session, list(lines))]

@@ -90,14 +90,19 @@ def render(
 ) -> Response:  # fmt: skip
     """Renders the page of a quiz, see `choose_quiz`, with the outcome of a form and what was typed."""
     library = services.library_for(who)
-    quizzes = [one for one in library.quizzes.values() if one.questions]
+    quizzes = [candidate for candidate in library.quizzes.values() if candidate.questions]
     if not quizzes:
         return page(request, "dates.html", status, PRIVATE, who=who, quizzes=[])
     chosen = choose_quiz(services, who, quizzes, quiz)
     with services.database.read() as session:
-        policies = {one.id: read_course_policy(session, one, who.course) for one in (*quizzes, chosen)}
+        policies = {
+            candidate.id: read_course_policy(session, candidate, who.course) for candidate in (*quizzes, chosen)
+        }
     context = {
-        "quizzes": [(one, describe(policies[one.id].in_force), bool(policies[one.id].changes)) for one in quizzes],
+        "quizzes": [
+            (candidate, describe(policies[candidate.id].in_force), bool(policies[candidate.id].changes))
+            for candidate in quizzes
+        ],
         "quiz": chosen,
         "policy": policies[chosen.id],
         "changed_at": (at := policies[chosen.id].changed_at) and format_day(at),

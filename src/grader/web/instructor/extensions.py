@@ -49,7 +49,7 @@ def show(
 def render(request: Request, services: Services, who: Identity, quiz: str, status: int = 200, **more: Any) -> Response:
     """Renders the page of a quiz, see `choose_quiz`, with the outcome of a form."""
     library = services.library_for(who)
-    quizzes = [one for one in library.quizzes.values() if one.questions]
+    quizzes = [candidate for candidate in library.quizzes.values() if candidate.questions]
     if not quizzes:
         return page(request, "extensions.html", who=who, quizzes=[])
     chosen = choose_quiz(services, who, quizzes, quiz)
@@ -176,7 +176,7 @@ def parse_extension(form: dict[str, str]) -> Extension:
         attempts = int(form.get("attempts") or 0)
         return Extension.model_validate({**moments, "attempts": attempts})
     except ValidationError as error:
-        named = ", ".join(sorted({str(one["loc"][0]) for one in error.errors() if one["loc"]}))
+        named = ", ".join(sorted({str(detail["loc"][0]) for detail in error.errors() if detail["loc"]}))
         raise Unprocessable(f"Check {named}: dates lie in 2000 to 2199, and further attempts are 0 to 1000.") from error
     except ValueError as error:
         raise Unprocessable("Check attempts: a whole number of 0 to 1000.") from error

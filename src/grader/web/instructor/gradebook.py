@@ -35,7 +35,7 @@ ABSENT = 200
 POINTS_EQUAL = 1e-9
 """Points that differ by less are equal: 0.1 + 0.2 is 0.3."""
 
-LEGEND = (*(STATUSES[one] for one in (Status.CORRECT, Status.PARTIAL, Status.INCORRECT)), WAITS, NOT_ANSWERED)
+LEGEND = (*(STATUSES[status] for status in (Status.CORRECT, Status.PARTIAL, Status.INCORRECT)), WAITS, NOT_ANSWERED)
 SHOWN = dict(zip(SHOWS, ("everyone", "who waits for a verdict", "who has not answered everything"), strict=True))
 FORMS = {Form.GENERIC: "CSV", Form.CANVAS: "CSV for Canvas", Form.MOODLE: "CSV for Moodle"}
 
@@ -98,7 +98,7 @@ def gradebook(
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
     library = services.library_for(who)
-    quizzes = [one for one in library.quizzes.values() if one.questions]
+    quizzes = [candidate for candidate in library.quizzes.values() if candidate.questions]
     if not quizzes:
         return page(request, "gradebook.html", who=who, quizzes=[])
     chosen = [library.quiz(quiz)] if quiz else quizzes
@@ -106,7 +106,7 @@ def gradebook(
     order = {"by": by if by in ORDERS else ORDERS[0], "descending": down}
     with services.database.read() as session:
         rows = list_rows(session, who, chosen, start, **shown, **order)
-        absent = people.without_results(session, who.course, [one.id for one in chosen], find, ABSENT + 1)
+        absent = people.without_results(session, who.course, [entry.id for entry in chosen], find, ABSENT + 1)
         marks = marks_in(session, who.course)
     columns = list_questions(library, chosen[0]) if len(chosen) == 1 else list_quizzes(chosen)
     context: dict[str, Any] = {
@@ -163,7 +163,7 @@ def list_rows(session: Session, who: Identity, quizzes: Sequence[Quiz], start: i
         theirs = results.of_learners(session, who.course, ids[0], learners)
         return [make_row(learner, name, theirs[learner], quizzes[0], unseen) for learner, name in found]
     sums = results.sums_of_learners(session, ranking, learners)
-    hidden = {(one.learner, one.quiz) for one in unseen}
+    hidden = {(result.learner, result.quiz) for result in unseen}
     return [sum_row(learner, name, sums[learner], quizzes, hidden) for learner, name in found]
 
 
@@ -180,14 +180,14 @@ def sum_row(
         for quiz in quizzes
     ]
     several = theirs.values()
-    points, answered = math.fsum(one.points for one in several), sum(one.answered for one in several)
+    points, answered = math.fsum(total.points for total in several), sum(total.answered for total in several)
     return Row(learner, name, cells, answered, points)
 
 
 def make_row(learner: str, name: str, theirs: Sequence[Any], quiz: Quiz, unseen: Collection[LearnerAt]) -> Row:
     """A learner with all results in a quiz, also at questions that it has lost; what is `unseen` adds no points."""
-    cells = {one.question: make_cell(one, unseen) for one in theirs}
-    points = math.fsum(one.points for one in theirs if not is_in(unseen, one))
+    cells = {result.question: make_cell(result, unseen) for result in theirs}
+    points = math.fsum(result.points for result in theirs if not is_in(unseen, result))
     return Row(learner, name, [cells.get(question.id, EMPTY) for question in quiz.questions], len(theirs), points)
 
 

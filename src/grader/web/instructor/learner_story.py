@@ -57,7 +57,7 @@ def story(
     parts = group_answers(desk.library, given, cells, averaged)
     following = rows[ANSWERS - 1].id if len(rows) > ANSWERS else None
     counted = [result for result in counts.values() if not is_in(unseen, result) and (result.is_final or result.points)]
-    total = (sum(one.points for one in counted), sum(one.max_points for one in counted))
+    total = (sum(result.points for result in counted), sum(result.max_points for result in counted))
     return page(
         request, "learner.html", who=who, learner=learner, name=name, parts=parts, following=following,
         total=total, member=member, origin="" if member is None else describe_origin(member), marks=marks,

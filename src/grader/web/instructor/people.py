@@ -95,7 +95,7 @@ def show(
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
     named = request.url.path.rpartition("/")[2]
-    part: Part = next((one for one in PARTS if one == named), "members")
+    part: Part = next((candidate for candidate in PARTS if candidate == named), "members")
     return render(request, services, who, part, listed=listed, before=before)
 
 
@@ -255,7 +255,7 @@ def change_member(
 def create_token(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
     """Creates a token and shows it this once; shows the page again if it is refused. Asks first, before a name that the
     course does not know becomes a new user."""
-    scopes = [one for one in Scope if f"scope-{one}" in form]
+    scopes = [scope for scope in Scope if f"scope-{scope}" in form]
     user = form.get("user", "").strip()
     try:
         with services.database.read() as session:

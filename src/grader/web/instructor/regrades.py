@@ -117,7 +117,7 @@ def parse_wanted(form: dict[str, str]) -> Wanted:
     """Says what the form asks for: a dry run, whose difference is seen before it is applied. Raises Unprocessable."""
     quiz, _, question = form.get("what", "").partition("/")
     chosen, ids = form.get("scope", ""), tuple(re.findall(r"[0-9a-f]{32}", form.get("ids", "")))
-    scope: Scope | tuple[str, ...] | None = next((one for one in SCOPES if one == chosen), None)
+    scope: Scope | tuple[str, ...] | None = next((candidate for candidate in SCOPES if candidate == chosen), None)
     if chosen == NAMED:
         scope = ids
     if not scope or len(ids) > IDS_MAX:

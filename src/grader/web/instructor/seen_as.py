@@ -66,9 +66,11 @@ def exercise_as(
         reader = get_learner(session, who, learner)
         work = read_visible_work(session, desk, who, reader, [quiz])
         attempts = list_attempts(session, work, reader, quiz_id, question_id)
-        names = blinded(desk, session, who, submissions.several(session, [one.id for one in attempts]), {}).names
+        names = blinded(
+            desk, session, who, submissions.several(session, [attempt.id for attempt in attempts]), {}
+        ).names
         record(session, who, who.course, Action.SEEN_AS, reader.id, quiz=quiz_id, question=question_id)
-    visible = [one for one in attempts if one.id not in names]
+    visible = [attempt for attempt in attempts if attempt.id not in names]
     shown = build_exercise_page(desk.library, quiz, question_id, work, visible, chosen=attempt)
     shown["here"].view["path"] = f"{make_path(learner)}{shown['here'].view['path']}"
     shown["lesson"]["path"] = f"{make_path(learner)}{shown['lesson']['path']}"
@@ -98,7 +100,7 @@ def read_visible_work(session: Session, desk: Desk, who: Identity, reader: Ident
     """A learner's work, without answers and marks that the instructor is kept from seeing under the learner's name."""
     work = read_work(session, desk.library, reader, quizzes)
     newest = submissions.newest(session, reader.course, reader.id)
-    earlier = [one.submission for place in work.places.values() for one in place.commented]
+    earlier = [comment.submission for place in work.places.values() for comment in place.commented]
     rows = [*newest, *submissions.several(session, earlier)] if earlier else newest
     names = blinded(desk, session, who, rows, {}).names
     hidden = {(row.quiz, row.question) for row in newest if row.id in names}
@@ -107,6 +109,6 @@ def read_visible_work(session: Session, desk: Desk, who: Identity, reader: Ident
     }
     places = {}
     for at, place in work.places.items():
-        seen = replace(place, commented=[one for one in place.commented if one.submission not in names])
+        seen = replace(place, commented=[comment for comment in place.commented if comment.submission not in names])
         places[at] = replace(seen, given=None, points=None, notice=UNDER_REVIEW) if at in hidden else seen
     return replace(work, places=places)

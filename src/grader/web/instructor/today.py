@@ -137,14 +137,14 @@ def make_task(
     titles: Mapping[tuple[str, str], str], which: str, waiting: Sequence[WaitingQuestion], words: str, verb: str
 ) -> Task:
     """Returns one kind of reviews, by question."""
-    total, address = sum(one.answers for one in waiting), f"{REVIEW}?{Chosen(which).query}"
+    total, address = sum(queue.answers for queue in waiting), f"{REVIEW}?{Chosen(which).query}"
     lines = tuple(
         Line(
-            describe_place(titles, one),
-            f"{one.answers}, the oldest for {describe_age(one.since)}",
-            f"{REVIEW}?{Chosen(which, one.quiz, one.question).query}",
+            describe_place(titles, queue),
+            f"{queue.answers}, the oldest for {describe_age(queue.since)}",
+            f"{REVIEW}?{Chosen(which, queue.quiz, queue.question).query}",
         )
-        for one in waiting
+        for queue in waiting
     )
     if total == 1:
         words = words.replace("wait ", "waits ").replace("have ", "has ")
@@ -216,13 +216,13 @@ def list_requests(session: Session, who: Identity) -> list[str]:
     pending = [
         platform for platform in platforms if not all(each["approved"] for each in (platform, *platform["deployments"]))
     ]
-    return asked + [f"{one['name']} waits for approval" for one in pending]
+    return asked + [f"{platform['name']} waits for approval" for platform in pending]
 
 
 def list_platform_tasks(asked: Sequence[str]) -> Iterable[Task]:
     """Yields the platforms that wait, if any do."""
     if asked:
-        lines = tuple(Line(one, "", "/instructor/lti") for one in asked)
+        lines = tuple(Line(text, "", "/instructor/lti") for text in asked)
         title = "request of a learning platform" if len(asked) == 1 else "requests of learning platforms"
         yield Task(str(len(asked)), title, lines, "/instructor/lti", "Open")
 

@@ -93,7 +93,7 @@ def build_section(library: Library, quiz: Quiz, work: Work, typed: Typed | None 
     got, of = work.points(quiz)
     pairs = zip(page["questions"], quiz.questions, strict=True)
     questions = [describe_question(view, question, quiz.id, work, typed) for view, question in pairs]
-    dates = next(filter(None, (one.place.dates for one in questions)), "")
+    dates = next(filter(None, (question.place.dates for question in questions)), "")
     return page | {"questions": questions, "got": got, "of": of, "dates": dates}
 
 
@@ -139,7 +139,7 @@ def arrange_parts(text: LessonText | None, sections: Sequence[dict[str, Any]]) -
             parts += place_part(part, whole[part.quiz], shown[part.quiz])
     texts = {part.quiz for part in placed if not part.lab}
     rest = [section for name, section in shown.items() if name not in texts]
-    parts += [{"sort": "quiz", "quiz": one} for one in rest if one["questions"] or one["labs"] or not placed]
+    parts += [{"sort": "quiz", "quiz": quiz} for quiz in rest if quiz["questions"] or quiz["labs"] or not placed]
     return {"parts": parts, "outline": outline}
 
 

@@ -173,7 +173,7 @@ def compare(
     pair = (left or attempts[1].id, right or attempts[0].id)
     if not by_id.keys() >= {*pair}:
         raise NotFound(NO_ATTEMPT)
-    chosen = [by_id[one] for one in pair]
+    chosen = [by_id[id_] for id_ in pair]
     lines = align_scripts(chosen[0].text, chosen[1].text)
     return page(request, "compare.html", who=who, view=view, attempts=attempts, chosen=chosen, lines=lines)
 
@@ -239,7 +239,9 @@ def plot(quiz_id: str, question_id: str, attempt: str, name: str, *, services: A
     with services.database.read() as session:
         work = read_work(session, library, who, [library.quiz(quiz_id)])
         attempts = list_attempts(session, work, who, quiz_id, question_id)
-    given = next((one for one in attempts if one.id == attempt and one.verdict is not None), None)
+    given = next(
+        (candidate for candidate in attempts if candidate.id == attempt and candidate.verdict is not None), None
+    )
     if given is None or given.verdict is None:
         raise NotFound(NO_ATTEMPT)
     titles = {finding["id"]: finding["title"] for finding in given.verdict.get("findings") or []}

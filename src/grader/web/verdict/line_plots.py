@@ -138,7 +138,7 @@ def draw_difference(difference: Difference, found: dict[str, list[Point]], width
 
 def plot_chart(chart: Chart, name: str, index: int) -> Sketch | None:
     """Returns a chart that a kind of exercise asks for; None if it holds no number."""
-    lines = [(one.label, select_finite(one.x, one.y, chart)) for one in chart.series[:LINES_MAX]]
+    lines = [(series.label, select_finite(series.x, series.y, chart)) for series in chart.series[:LINES_MAX]]
     lines = [(label, points) for label, points in lines if points]
     if not lines:
         return None

@@ -53,10 +53,10 @@ def list_sketches(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Ite
     for claims in group_claims(read.read_list(evidence, "claims", read.Claim)):
         name = titles.get(claims[0].case, claims[0].case).rpartition(", ")[0]
         yield plot_stability(claims, limits, runs, name)
-    named = {one.case: one.integrator for one in read.read_list(evidence, "claims", read.Claim)}
+    named = {claim.case: claim.integrator for claim in read.read_list(evidence, "claims", read.Claim)}
     if runs:
         yield plot_motion(runs, named)
-    references = {one.case: one for one in read.read_list(evidence, "references", read.Model)}
+    references = {model.case: model for model in read.read_list(evidence, "references", read.Model)}
     for index, model in enumerate(read.read_list(evidence, "models", read.Model)):
         yield plot_models(model, references.get(model.case), capitalize(name_case(titles, model.case)), index)
     order = read.read_one(evidence, "order", read.Order)

@@ -74,7 +74,7 @@ def build_reel(attempts: Sequence[Given], question: Question | None, chosen: str
         "" if given.is_script else given.text if question is None else kind_of(question).show(question, given.answer)
     )
     changes = compare_scripts(row[at - 1].text, given.text) if at and given.is_script else None
-    stops = [Stop(one.id, one.attempt, one.badge.word) for one in row]
+    stops = [Stop(attempt.id, attempt.attempt, attempt.badge.word) for attempt in row]
     return Reel(stops, at, given, build_card(given), answer, changes)
 
 

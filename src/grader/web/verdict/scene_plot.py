@@ -57,7 +57,7 @@ def draw(panels: Sequence[tuple[str, Sequence[Outline]]], width: float) -> Drawi
     panel_width = (width - GAP * (across - 1)) / across
     picture = Drawing(width, down * (TITLE + PANEL))
     points = [point for _, outlines in panels for outline in outlines for point in outline] or [(0.0, 0.0)]
-    lows, highs = ([end(one[axis] for one in points) for axis in (0, 1)] for end in (min, max))
+    lows, highs = ([end(point[axis] for point in points) for axis in (0, 1)] for end in (min, max))
     spans = [min(max(high - low, SIZE_MIN), SIZE_MAX) for low, high in zip(lows, highs, strict=True)]
     scale = min((panel_width - 2 * MARGIN) / spans[0], (PANEL - 2 * MARGIN) / spans[1])
     for index, (name, outlines) in enumerate(panels):
@@ -77,7 +77,7 @@ def draw(panels: Sequence[tuple[str, Sequence[Outline]]], width: float) -> Drawi
 
 def draw_outlines(geoms: Sequence[Geom]) -> Iterator[Outline]:
     """Yields the outline of each geom in the camera's plane [m], those that are further away first."""
-    shown = [one for one in geoms if one.type != "plane" and max(map(abs, (*one.at, *one.size))) <= SIZE_MAX]
+    shown = [geom for geom in geoms if geom.type != "plane" and max(map(abs, (*geom.at, *geom.size))) <= SIZE_MAX]
     for geom in sorted(shown, key=lambda one: -float(FORWARD @ np.array(one.at))):
         points = list_points(geom)
         yield find_hull([(float(x), float(y)) for x, y in zip(points @ RIGHT, points @ UP, strict=True)])

@@ -176,11 +176,11 @@ def read_work(session: Session, library: Library, who: Identity, quizzes: Sequen
         for question in quiz.questions:
             at = (quiz.id, question.id)
             places[at] = describe_place(access, quiz, question, newest.get(at), found.get(at))
-    for one in line_comments.of_learner(session, who.course, who.id):
-        at = (one.quiz, one.question)
+    for comment in line_comments.of_learner(session, who.course, who.id):
+        at = (comment.quiz, comment.question)
         given = newest.get(at)
-        if at in places and given is not None and given.withheld is None and given.id != one.submission:
-            places[at] = replace(places[at], commented=(*places[at].commented, one))
+        if at in places and given is not None and given.withheld is None and given.id != comment.submission:
+            places[at] = replace(places[at], commented=(*places[at].commented, comment))
     return Work(access, places)
 
 
@@ -206,7 +206,9 @@ def list_attempts(
     wanted = SubmissionFilter(who.course, quiz=quiz, question=question, learner=who.id)
     rows = list(submissions.page(session, wanted, None, most))
     listed = {row.id for row in rows}
-    commented = [one.submission for one in work.places[quiz, question].commented if one.submission not in listed]
+    commented = [
+        comment.submission for comment in work.places[quiz, question].commented if comment.submission not in listed
+    ]
     if commented:
         rows += sorted(submissions.several(session, commented), key=lambda row: row.id, reverse=True)
     return compare_attempts(read_answers(session, work.access, rows))
@@ -217,18 +219,18 @@ def compare_attempts(attempts: Sequence[Given]) -> list[Given]:
     given = [
         attempt for attempt in attempts if attempt.verdict is None or attempt.verdict["status"] != Status.INVALID_ANSWER
     ]
-    compared = [Compared(one.attempt, one.verdict) for one in reversed(given) if one.verdict]
+    compared = [Compared(attempt.attempt, attempt.verdict) for attempt in reversed(given) if attempt.verdict]
     said = {one.attempt: describe_progress(compared[:index], one) for index, one in enumerate(compared)}
-    return [replace(one, progress=said.get(one.attempt, "")) for one in given]
+    return [replace(attempt, progress=said.get(attempt.attempt, "")) for attempt in given]
 
 
 def read_answers(session: Session, access: LearnerAccess, rows: Sequence[Submission]) -> list[Given]:
     """Stored answers as the learner may see them now."""
     verdicts, marks = submissions.verdicts(session, rows), submissions.last_marks(session, rows)
     given = [read_answer(access, row, verdicts.get(row.id), marks.get(row.id)) for row in rows]
-    scripts = [one.id for one in given if one.is_script and one.withheld is None]
+    scripts = [attempt.id for attempt in given if attempt.is_script and attempt.withheld is None]
     comments = read_comments(session, scripts)
-    return [replace(one, comments=comments.get(one.id, ())) for one in given]
+    return [replace(attempt, comments=comments.get(attempt.id, ())) for attempt in given]
 
 
 def read_comments(session: Session, ids: Sequence[str]) -> dict[str, list[Comment]]:

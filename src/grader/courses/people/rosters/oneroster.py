@@ -61,7 +61,7 @@ def read_text(packed: zipfile.ZipFile, name: str) -> str:
         raise Unprocessable(
             f"The zip file holds more than {MEMBERS_MAX} files: a roster has {USERS} and {ENROLLMENTS}."
         )
-    found = [one for one in packed.infolist() if one.filename.rpartition("/")[2] == name]
+    found = [entry for entry in packed.infolist() if entry.filename.rpartition("/")[2] == name]
     if len(found) != 1:
         raise Unprocessable(f"The zip file holds {name} {len(found)} times: once is needed.")
     with packed.open(found[0]) as file:

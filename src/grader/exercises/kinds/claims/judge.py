@@ -37,7 +37,7 @@ Outcome = tuple[Comparison, ...]
 def judge_claims(problem: Problem, results: Results) -> Judgement[Outcome]:
     """Returns the judgement on a case: a part for each claim. Raises ValueError where we could not measure."""
     measured = measure_claims(problem)
-    if lost := [one for one in measured if not np.isfinite(one.values).all()]:
+    if lost := [measurement for measurement in measured if not np.isfinite(measurement.values).all()]:
         raise ValueError(f"this case cannot be measured: {lost[0].trouble}")
     outcome = tuple(
         compare(problem, claim, results, index, measured[index]) for index, claim in enumerate(problem.claims)

@@ -95,7 +95,7 @@ class Scene:
     def list_others(self) -> Iterator[tuple[str, Floats]]:
         """Yields what another joint, sensor or axis gives, with the words for it."""
         others = list_other_exprs(self.claim.expr, compile_text(self.problem.xml))
-        exprs = tuple(one.expr for one in others)
+        exprs = tuple(quantity.expr for quantity in others)
         points = list_points(self.problem, self.claim)
         try:
             runs = [(self.run(one, SAME, exprs), at_s) for one, at_s in points] if exprs else []
@@ -173,7 +173,7 @@ def list_other_exprs(expr: str, model: mujoco.MjModel) -> list[Other]:
         *_replace_axes(expr),
         *_replace_energy(expr),
     ]
-    return [one for one in found if one.expr != expr][:EXPRS_MAX]
+    return [quantity for quantity in found if quantity.expr != expr][:EXPRS_MAX]
 
 
 def _replace_elements(expr: str, model: mujoco.MjModel) -> Iterator[Other]:

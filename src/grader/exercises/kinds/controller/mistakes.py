@@ -102,7 +102,7 @@ def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged])
     records = [(trial, record) for trial in wrong for record in trial.judgement.outcome.list_failed()][:RECORDS_READ]
     sentences = [sentence for one, record in records for sentence in find_sentences(parameters, one, record)]
     if is_tuned:  # only what is wrong whatever the case is
-        return next((one for one in sentences if one.endswith(DEGREES_END)), TUNED)
+        return next((candidate for candidate in sentences if candidate.endswith(DEGREES_END)), TUNED)
     if are_truth_values(judged):
         return TRUTH
     sentence = next(iter(sentences), None)

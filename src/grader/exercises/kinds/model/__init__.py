@@ -89,7 +89,7 @@ class Model(Kind[ModelParameters, Problem, Outcome]):
         if question.takes == "mjcf":
             return models
         if any(trial.inputs["arguments"] for trial in trials):
-            seen = next((one for one in trials if not one.hidden), trials[0])
+            seen = next((candidate for candidate in trials if not candidate.hidden), trials[0])
             models["one model for all numbers"] = seen.problem.reference
         return {name: f"def {question.entry}(*numbers):\n    return {xml!r}\n" for name, xml in models.items()}
 

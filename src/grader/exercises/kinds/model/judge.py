@@ -71,7 +71,7 @@ def judge_model(problem: Problem, results: Results) -> Judgement[Outcome]:
     for index, goal in enumerate(problem.case.goals):
         mine, its = made["goals"][index], reference["goals"][index]
         compared = dict(compare_goal(goal, mine, its, made["names"]))
-        missing += [one for each in compared.values() for one in each.missing]
+        missing += [name for each in compared.values() for name in each.missing]
         parts.append(judge_goal(goal, str(index + 1), compared, runs=problem.case.seconds > 0))
     outcome = Outcome(made["goals"], made["geoms"], reference["geoms"], missing=tuple(dict.fromkeys(missing)))
     message = next((part.message for part in parts if not part.passed), "The model is as it should be.")
@@ -211,7 +211,7 @@ def shorten(values: NDArray[np.float64] | None) -> Any:
         return None
     least = NOISE * float(np.nanmax(np.abs(values), initial=0.0))
     last = [value if abs(value) > least or not np.isfinite(value) else 0.0 for value in values[-1][:SHOWN_MAX].tolist()]
-    numbers = [float(f"{one:.{FIGURES}g}") if np.isfinite(one) else None for one in last]
+    numbers = [float(f"{value:.{FIGURES}g}") if np.isfinite(value) else None for value in last]
     return numbers[0] if len(numbers) == 1 else numbers
 
 

@@ -77,7 +77,9 @@ def simulate(model: mujoco.MjModel, inputs: Mapping[str, Any], timestep_s: float
     data = mujoco.MjData(model)
     missing = place(model, data, inputs)
     codes = {
-        one: compile(one, "<goal>", "eval") for goal in inputs["goals"] for one in (*goal["same"], *goal["within"])
+        expression: compile(expression, "<goal>", "eval")
+        for goal in inputs["goals"]
+        for expression in (*goal["same"], *goal["within"])
     }
     if missing:
         yield dict.fromkeys(codes, missing)
@@ -92,7 +94,7 @@ def simulate(model: mujoco.MjModel, inputs: Mapping[str, Any], timestep_s: float
     for _ in range(steps // every):
         model.opt.timestep = timestep_s or own_s
         mujoco.mj_step(model, data, nstep=every)
-        lost = any(data.warning[one].number for one in BAD)
+        lost = any(data.warning[kind].number for kind in BAD)
         if not lost:
             mujoco.mj_forward(model, data)
         model.opt.timestep = own_s
@@ -142,8 +144,8 @@ def plain(value: Any) -> Any:
 
 def collect(moments: list[dict[str, Any]], expression: str) -> dict[str, Any]:
     """Returns the values of an expression at all moments of a run; what is missing, if anything is."""
-    lost = next((one["lost"] for one in moments if "lost" in one), None)
-    values = [one[expression] for one in moments if expression in one]
+    lost = next((moment["lost"] for moment in moments if "lost" in moment), None)
+    values = [moment[expression] for moment in moments if expression in moment]
     fault = next((value for value in values if isinstance(value, dict)), None)
     return fault or {"values": values, **({} if lost is None else {"lost": lost})}
 
@@ -161,7 +163,7 @@ def list_names(model: mujoco.MjModel, kind: Any) -> list[str]:
 
 def list_geoms(model: mujoco.MjModel, data: mujoco.MjData) -> list[dict[str, Any]]:
     """Returns the geoms that are drawn: type, sizes, place and rotation matrix by rows. A mesh is its bounding box."""
-    shown = [one for one in range(model.ngeom) if model.geom_group[one] <= DRAWN_GROUP_MAX][:GEOMS_MAX]
+    shown = [geom for geom in range(model.ngeom) if model.geom_group[geom] <= DRAWN_GROUP_MAX][:GEOMS_MAX]
     geoms = []
     for at in shown:
         kind = mujoco.mjtGeom(int(model.geom_type[at])).name.removeprefix("mjGEOM_").lower()

@@ -74,6 +74,6 @@ def find_line(source: str, variant: Variant) -> int | None:
     """Returns the line of an MJCF text that has the element of a variant, by its name; None where it has none."""
     if not variant.name:
         return None
-    tag, name = (re.escape(one) for one in (variant.tag, variant.name))
+    tag, name = (re.escape(text) for text in (variant.tag, variant.name))
     match = re.search(rf"<{tag}\s(?:[^<>]*\s)?name\s*=\s*[\"']{name}[\"']", source)
     return None if match is None else source.count("\n", 0, match.start()) + 1

@@ -27,7 +27,7 @@ ADVICE = {
 def read(text: str) -> list[float]:
     """Returns the numbers of an attribute; none where one is no number."""
     try:
-        return [float(one) for one in text.split()]
+        return [float(word) for word in text.split()]
     except ValueError:
         return []
 

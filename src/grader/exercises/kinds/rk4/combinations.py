@@ -69,7 +69,7 @@ class System:
         if rank < len(known) or singular[0] > CONDITION_MAX * singular[-1]:
             return None
         coefficients = shares / sizes
-        kept = [bool(one) for one in (np.abs(coefficients) > COEFFICIENT_MIN) & (np.abs(shares) > 1)]
+        kept = [bool(is_kept) for is_kept in (np.abs(coefficients) > COEFFICIENT_MIN) & (np.abs(shares) > 1)]
         if not all(kept):  # the others carry what little these had
             return self.solve([term for term, is_kept in zip(known, kept, strict=True) if is_kept])
         combination = dict(zip(known, coefficients.tolist(), strict=True))
@@ -81,7 +81,7 @@ class System:
         for term in terms:
             column = self.terms.get(term)
             if column is not None and np.any(np.abs(column) > self.tolerance):
-                same = (np.all(np.abs(column - self.terms[one]) <= self.tolerance) for one in kept)
+                same = (np.all(np.abs(column - self.terms[index]) <= self.tolerance) for index in kept)
                 if not any(same):
                     kept.append(term)
         return kept

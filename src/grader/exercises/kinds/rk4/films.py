@@ -67,7 +67,7 @@ def record_films(trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any]) 
         differences = [Measured.model_validate(difference) for difference in evidence.get("differences") or []]
     except (ValidationError, TypeError):
         return
-    trial = next((one for one in trials if one.id == motion.case), None)
+    trial = next((candidate for candidate in trials if candidate.id == motion.case), None)
     measured = next((difference for difference in differences if difference.case == motion.case), None)
     if trial is None or measured is None:
         return

@@ -74,5 +74,5 @@ def find_line(trace: Trace, place: Place) -> int | None:
 def choose_line(change: Change, groups: Sequence[Sequence[Change]], here: int) -> int:
     """Returns the innermost of a change's lines that no other group has; the innermost of all where each is shared."""
     others = [group for index, group in enumerate(groups) if index != here]
-    shared = {line for group in others for one in group for line in one.lines}
+    shared = {line for group in others for place in group for line in place.lines}
     return next((line for line in change.lines if line not in shared), change.lines[0])

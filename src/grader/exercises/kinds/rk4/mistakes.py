@@ -168,7 +168,7 @@ def name_the_mistake(first_case: str, judged: Sequence[JudgedTrial[Problem, Rk4O
     diagnosis = diagnose_run([run for run in runs if run in failed])
     if diagnosis.sentence is None and failed[0].trial.hidden:
         passed = (diagnose_passed_run(run) for run in runs if run not in failed and not run.hidden)
-        diagnosis = next((one for one in passed if one.sentence), diagnosis)
+        diagnosis = next((candidate for candidate in passed if candidate.sentence), diagnosis)
     if diagnosis.sentence:
         return Mistake(diagnosis.sentence, find_mistaken_line(diagnosis, runs))
     if wraps_angles(outcome):

@@ -20,8 +20,8 @@ def place_steps(parameters: Rk4Parameters, order_id: str, verdict: Mapping[str, 
         finding = findings.get(case.id, {})
         measured = finding.get("measured")
         if isinstance(measured, dict) and measured:  # that of a hidden case is kept nowhere
-            sizes = [read_number(one) for one in measured.values()]
-            known = [one for one in sizes if one is not None]
+            sizes = [read_number(value) for value in measured.values()]
+            known = [size for size in sizes if size is not None]
             size = max(known) if len(known) == len(sizes) else None
             axis = ClassAxis(
                 case.id, read_title(finding, case.id), "", (0.0, case.tolerance), measure=DISTANCE, line="tolerance",

@@ -219,7 +219,7 @@ def never_changes(part: StatePart, steps: Sequence[Step], dof: int) -> bool:
 
 def exclude(every: Sequence[int], without: Sequence[int]) -> list[int]:
     """Returns the coordinates that do change; all of them if none does."""
-    return [one for one in every if one not in without] or list(every)
+    return [name for name in every if name not in without] or list(every)
 
 
 def read_rows(

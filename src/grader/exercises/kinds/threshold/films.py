@@ -103,7 +103,7 @@ def choose_case(by_id: Collection[str], evidence: Mapping[str, Any], failed: Col
 
 def read_limits(evidence: Mapping[str, Any]) -> dict[str, Limits]:
     """Returns the limits that the evidence has, by trial."""
-    return {one.case: one for one in read(evidence.get("limits"), Limits)}
+    return {limit.case: limit for limit in read(evidence.get("limits"), Limits)}
 
 
 def read(values: Any, kind: type[Read]) -> list[Read]:

@@ -15,13 +15,13 @@ def place_brackets(verdict: Mapping[str, Any]) -> Iterator[Placed]:
     """Yields an axis for each visible trial that returned, with what was claimed there."""
     limits = {part["case"]: part for part in list_parts(verdict, "limits")}
     findings = dict(list_findings(verdict))
-    for one in list_parts(verdict, "claims"):
-        case, limit = one["case"], limits.get(one["case"], {})
+    for claim in list_parts(verdict, "claims"):
+        case, limit = claim["case"], limits.get(claim["case"], {})
         low, high, spring = (read_number(limit.get(name)) for name in ("linear_ms", "within_ms", "spring_ms"))
         right = None if low is None or high is None else (low, high)
         marks = () if right is None or spring is None else ((WITHOUT_DAMPING, spring),)
         title = read_title(findings.get(case, {}), case)
-        yield ClassAxis(case, title, MS, right, is_limit=True, marks=marks), read_bracket(one)
+        yield ClassAxis(case, title, MS, right, is_limit=True, marks=marks), read_bracket(claim)
 
 
 def read_bracket(claim: Mapping[str, Any]) -> Position | None:

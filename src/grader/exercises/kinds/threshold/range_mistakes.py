@@ -81,7 +81,7 @@ def describe_factor(claim: Bracket, bracket: Bracket) -> str:
     for ends in several if claim.number is not None else [(bracket.low, bracket.high)]:
         factors = [number / end for number, end in zip(claim.numbers, ends, strict=True)]
         factor = round(factors[0], 2)
-        if factor != 1 and all(abs(one - factor) <= CLOSE for one in factors):
+        if factor != 1 and all(abs(other - factor) <= CLOSE for other in factors):
             return f", {factor:g} times what it found"
     if claim.number is None and abs(claim.low - bracket.high) <= CLOSE * bracket.high:
         return ", the first of which is the one that warned"

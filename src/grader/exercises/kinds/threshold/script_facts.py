@@ -124,7 +124,9 @@ def find_own_test(script: Script, _: object) -> int | None:
     within = list_run_nodes(script)
     loops = [node for node in within if isinstance(node, LOOPS)]
     branches = [node for loop in loops for node in walk_within(loop) if isinstance(node, ast.If)]
-    ending = [node for node in branches if any(isinstance(one, ast.Return | ast.Break) for one in node.body)]
+    ending = [
+        node for node in branches if any(isinstance(statement, ast.Return | ast.Break) for statement in node.body)
+    ]
     returned = [node.value for node in within if isinstance(node, ast.Return) and isinstance(node.value, ast.Compare)]
     tests = [node.test for node in ending] or returned
     lines = {test.lineno for test in tests if "warning" not in ast.unparse(test)}

@@ -89,4 +89,4 @@ def read_run(row: Sequence[float]) -> Run:
 
 def list_texts(value: object) -> tuple[str, ...]:
     """Returns the texts in a list."""
-    return tuple(one for one in value if isinstance(one, str)) if isinstance(value, list) else ()
+    return tuple(item for item in value if isinstance(item, str)) if isinstance(value, list) else ()

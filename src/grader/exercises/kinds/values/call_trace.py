@@ -21,7 +21,7 @@ DERIVE = ("mj_forward", "mj_step1", "mj_fwdPosition", "mj_kinematics", "mj_inver
 def list_texts(trace: Trace, key: str) -> list[str]:
     """Returns the texts of a list in the note `used`; empty if there is none."""
     found = next((note.info.get(key) for note in trace.list_notes("used")), None)
-    return [one for one in found if isinstance(one, str)] if isinstance(found, list) else []
+    return [item for item in found if isinstance(item, str)] if isinstance(found, list) else []
 
 
 def explain_unreadable_results(wrong: Sequence[StudentCall]) -> str | None:
@@ -149,7 +149,7 @@ def explain_changed_input(wrong: Sequence[StudentCall]) -> str | None:
         return None
     meant = find_changed_by_author(wrong[0])
     changed = [[name for name in list_texts(call.trace, "changed") if name not in meant] for call in wrong]
-    common = [name for name in changed[0] if all(name in one for one in changed)]
+    common = [name for name in changed[0] if all(name in names for names in changed)]
     if not common:
         return None
     name = common[0]

@@ -63,7 +63,7 @@ def count_lucky_answers(problems: Sequence[Problem]) -> list[int] | None:
 def count_lucky_calls(problems: Sequence[Problem], index: int) -> int:
     """Returns in how many draws the best fixed answer satisfies the residual of one call."""
     solved = [problem.compute_results(problem.calls[index]) for problem in problems[:TRIED]]
-    answers = [tuple(one) for one in solved if not isinstance(one, str)]
+    answers = [tuple(answer) for answer in solved if not isinstance(answer, str)]
     if len(answers) < len(solved):
         raise ValueError(f"{problems[0].name} of the author's program must give finite numbers")
     if all(len({each.shape for each in results}) == 1 for results in zip(*answers, strict=True)):

@@ -62,7 +62,7 @@ class Integrators(LabKind[IntegratorsLab, IntegratorsSettings]):
             shown = run_integrators(lab, xml, **settings.model_dump())
         except KeyError as error:
             raise LabRefused(f"There is {error.args[0]}.") from error
-        bench.steps += sum(one.steps for one in shown.runs)
+        bench.steps += sum(run.steps for run in shown.runs)
         return shown.to_json()
 
     def example(self) -> LabExample:

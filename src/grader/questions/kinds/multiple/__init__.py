@@ -65,7 +65,7 @@ class Multiple(QuestionKind[MultipleQuestion, tuple[int, ...]]):
         checked = fields.get(FIELD, ())
         if not checked:
             raise InvalidAnswer(NOTHING_CHOSEN)
-        return [int(one) if one.isascii() and one.isdigit() and len(one) <= DIGITS_MAX else one for one in checked]
+        return [int(box) if box.isascii() and box.isdigit() and len(box) <= DIGITS_MAX else box for box in checked]
 
     def to_form(self, question: MultipleQuestion, answer: Any) -> Fields:
         """Returns the values of the checked boxes."""
@@ -93,7 +93,7 @@ class Multiple(QuestionKind[MultipleQuestion, tuple[int, ...]]):
         twice = "An option is chosen twice: name each option once."
         if len(answer) > len(question.options):
             raise InvalidAnswer(twice)
-        chosen = {read_choice(question.options, one) for one in answer}
+        chosen = {read_choice(question.options, choice) for choice in answer}
         if len(chosen) < len(answer):
             raise InvalidAnswer(twice)
         return tuple(sorted(chosen))

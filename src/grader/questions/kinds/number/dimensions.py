@@ -178,7 +178,7 @@ def _read_call(node: Node, model: mujoco.MjModel) -> Dimension | None:
     if name == "Math.sqrt" and arguments:
         return _raise(_read(arguments[0], model), 0.5)
     read = [_read(argument, model) for argument in arguments]
-    return read[0] if name in SAME and read and all(one == read[0] for one in read) else None
+    return read[0] if name in SAME and read and all(other == read[0] for other in read) else None
 
 
 def _read_field(node: Node, model: mujoco.MjModel) -> Dimension | None:

@@ -170,7 +170,7 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
         return verdict_of(
             tuple(findings if mistake else map(_with_slip, findings, slips)),
             diagnosis=mistake,
-            evidence={"value": [None if one.passed else one.measured for one in findings]},
+            evidence={"value": [None if finding.passed else finding.measured for finding in findings]},
         )
 
     def numbers(self, question: NumbersQuestion) -> Sequence[CountedNumber]:

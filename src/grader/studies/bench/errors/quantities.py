@@ -110,7 +110,7 @@ class Truth(Measurement):
 def solve_both(name: str) -> tuple[Array, Array]:
     """Returns the solutions of a scene by BEST and by OTHER."""
     scene = load_scene(name)
-    best, other = (solve_states(scene, *one) for one in (BEST, OTHER["violation" in list_quantities(scene)]))
+    best, other = (solve_states(scene, *setting) for setting in (BEST, OTHER["violation" in list_quantities(scene)]))
     return best, other
 
 

@@ -175,7 +175,7 @@ def summarise_scene(records: Records, scene: str) -> Record:
             for method, own in list_settings(records, scene, Solved).items()
         },
         "errors": {
-            method: {f"{1e3 * one['setting']:.4g} ms": one["error"] for one in own} for method, own in fixed.items()
+            method: {f"{1e3 * run['setting']:.4g} ms": run["error"] for run in own} for method, own in fixed.items()
         },
         "orders": {method: summarise_order(own) for method, own in fixed.items()},
     }
@@ -195,7 +195,7 @@ def summarise_order(settings: list[Record]) -> Record | None:
     used = [setting for setting in settings if FALLING[0] < setting["error"] < FALLING[1]]
     if len(used) < 3:
         return None
-    fit = fit_order([one["setting"] for one in used], [one["error"] for one in used])
+    fit = fit_order([run["setting"] for run in used], [run["error"] for run in used])
     return {"order": fit.order, "interval": [fit.low, fit.high], "points": len(used)}
 
 
@@ -208,7 +208,7 @@ def draw(records: Records, _summary: Record) -> Figure:
     for axes, name in zip(figure.subplots(1, len(SCENES)), SCENES, strict=True):
         for kind, look in ((Fixed, "o-"), (Solved, "x--")):
             for method, own in list_settings(records, name, kind).items():
-                counts, errors = [one["evaluations"] for one in own], [one["error"] for one in own]
+                counts, errors = [run["evaluations"] for run in own], [run["error"] for run in own]
                 axes.plot(counts, errors, look, color=ALL_COLOURS[method], ms=3.5, lw=1, label=method)
         axes.axhline(records[Truth(name)]["own_error"], color="#bbbbbb", lw=3, label="own error of the reference")
         axes.set(xscale="log", yscale="log", xlabel="evaluations of the forward dynamics", title=describe_scene(name))

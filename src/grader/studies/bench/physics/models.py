@@ -54,7 +54,7 @@ def load_model_scene(name: str) -> Scene:
         scene = load_scene(name)
     else:
         paths = find_gymnasium_models() | {
-            f"{one} (course)": Settings().content / "models" / f"{one}.xml" for one in COURSE
+            f"{model} (course)": Settings().content / "models" / f"{model}.xml" for model in COURSE
         }
         scene = Scene.from_xml(paths[name].read_text(encoding="utf-8"))
     simulate(scene, steps=BARE_AFTER, every=STEPS_MAX)
@@ -154,7 +154,7 @@ class Model(Measurement):
 
 def plan(_quick: bool) -> Sequence[Measurement]:
     """Returns every model that is here."""
-    return [Model(name) for name in (*find_gymnasium_models(), *(f"{one} (course)" for one in COURSE), *OURS)]
+    return [Model(name) for name in (*find_gymnasium_models(), *(f"{model} (course)" for model in COURSE), *OURS)]
 
 
 def summarise(records: Records) -> Record:

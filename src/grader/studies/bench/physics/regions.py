@@ -128,8 +128,12 @@ def summarise(records: Records) -> Record:
     return {
         "limits": {kind: {str(angle): rays[Ray(kind, angle)]["limit"] for angle in ANGLES} for kind in BY_NAME},
         "points": len(points),
-        "largest_difference": max(abs(one["closed"] - one["spectral"]) / max(1.0, one["closed"]) for one in points),
-        "wrong": sum(one["grows"] is one["inside"] or (one["closed"] <= 1) is not one["inside"] for one in points),
+        "largest_difference": max(
+            abs(point["closed"] - point["spectral"]) / max(1.0, point["closed"]) for point in points
+        ),
+        "wrong": sum(
+            point["grows"] is point["inside"] or (point["closed"] <= 1) is not point["inside"] for point in points
+        ),
         "servos": {name: summarise_servo(servo) for name, servo in SERVOS.items()},
     }
 

@@ -206,17 +206,17 @@ def list_edges(records: Records, chart: str, integrator: str) -> list[Record]:
 def summarise(records: Records) -> Record:
     """Maps, windows and cases; and the totals that a reader quotes."""
     maps = {chart: {kind: summarise_map(records, chart, kind) for kind in BY_NAME} for chart in CHARTS}
-    every = [one for chart in maps.values() for one in chart.values()]
+    every = [curve for chart in maps.values() for curve in chart.values()]
     return {
         "maps": maps,
         "windows": {chart: {kind: summarise_windows(records, chart, kind) for kind in BY_NAME} for chart in CHARTS},
         "cases": {case: summarise_case(records, case) for case in CASES},
         "totals": {
-            "grid_points": sum(one["points"] for one in every),
-            "evaluated": sum(one["evaluated"] for one in every),
-            "compared": sum(one["full_points"] for one in every),
-            "disagreeing": sum(one["disagreeing"] for one in every),
-            "largest_spectral_to_closed": max(one["edges"]["spectral_to_closed"] or 0 for one in every),
+            "grid_points": sum(curve["points"] for curve in every),
+            "evaluated": sum(curve["evaluated"] for curve in every),
+            "compared": sum(curve["full_points"] for curve in every),
+            "disagreeing": sum(curve["disagreeing"] for curve in every),
+            "largest_spectral_to_closed": max(curve["edges"]["spectral_to_closed"] or 0 for curve in every),
         },
     }
 

@@ -218,7 +218,7 @@ def agreement(results: Results) -> str:
 @claim
 def wheel(results: Results) -> str:
     """What the reset makes of the wheel."""
-    resets = [one["reset"] for one in results["stability"]["cases"]["wheel"].values() if one["reset"]]
+    resets = [case["reset"] for case in results["stability"]["cases"]["wheel"].values() if case["reset"]]
     back = [abs(r["time_after_s"] / r["timestep_s"] - 1) < 1e-3 and r["qpos_after"] == [0.0] for r in resets]
     demand(bool(resets) and all(back), f"after the first warning: {resets}")
     return "the clock back to the first step and the wheel to 0"
@@ -370,7 +370,10 @@ def fixed_cost(results: Results) -> str:
 def fewest(results: Results) -> str:
     """Returns the double pendulum within 1e-6: evaluations against time."""
     scene = results["adaptive"]["scenes"]["double_pendulum"]
-    ours, solvers = scene["mujoco"]["1e-06"], [one["1e-06"] for one in scene["adaptive"].values() if one["1e-06"]]
+    ours, solvers = (
+        scene["mujoco"]["1e-06"],
+        [solver["1e-06"] for solver in scene["adaptive"].values() if solver["1e-06"]],
+    )
     best = min(solvers, key=lambda solver: int(solver["evaluations"]))
     demand(best["evaluations"] < ours["evaluations"] and best["ratio"] > ours["ratio"], f"{best} beside {ours}")
     return (

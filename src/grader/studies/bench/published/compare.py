@@ -48,7 +48,9 @@ def list_others(results: Any, path: str = "") -> Iterator[tuple[str, float]]:
 
 def compare(ours: Results, theirs: Results) -> Iterator[str]:
     """Lines on one study: the machines, the ratios, the other numbers."""
-    machines = " beside ".join("{processor} with {cores} cores".format(**one["machine"]) for one in (ours, theirs))
+    machines = " beside ".join(
+        "{processor} with {cores} cores".format(**record["machine"]) for record in (ours, theirs)
+    )
     yield f"{theirs['benchmark']}: {machines}"
     first, second = dict(list_ratios(ours)), dict(list_ratios(theirs))
     if common := [name for name in first if name in second]:

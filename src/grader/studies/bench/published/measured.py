@@ -118,7 +118,7 @@ def main(
     for page, text in texts.items():
         filled, against = fill(text, results)
         page.write_text(filled, encoding="utf-8")
-        denied += [f"{page}: {one}" for one in against]
+        denied += [f"{page}: {sentence}" for sentence in against]
     if denied:
         sys.exit("\n".join(denied))
 

@@ -228,7 +228,7 @@ def adaptive(results: Results) -> Iterator[tuple[str, ...]]:
     """Yields the fewest evaluations within each error, and the CPU time of that run."""
     for name, scene in results["adaptive"]["scenes"].items():
         fewest = (scene["mujoco"][error] for error in ADAPTIVE_ERRORS)
-        cells = (one and f"{evaluations(one)}, {one['method']} {milliseconds(one['setting'])}" for one in fewest)
+        cells = (run and f"{evaluations(run)}, {run['method']} {milliseconds(run['setting'])}" for run in fewest)
         yield describe_scene(name), "MuJoCo, fewest", *(cell or "-" for cell in cells)
         for method, found in scene["adaptive"].items():
             yield describe_scene(name), method, *(evaluations(found[error]) for error in ADAPTIVE_ERRORS)

@@ -144,8 +144,8 @@ def rehearse(clients: Sequence[Client], source: str, arrivals: Sequence[Arrival]
 def read_memory_mb(pid: int) -> float:
     """Returns the proportional set size of a process and its descendants [MB]: shared pages count in parts."""
     kb = 0
-    for one in list_family(pid):
-        lines = Path(f"/proc/{one}/smaps_rollup").read_text(encoding="utf-8").splitlines()
+    for member in list_family(pid):
+        lines = Path(f"/proc/{member}/smaps_rollup").read_text(encoding="utf-8").splitlines()
         kb += next((int(line.split()[1]) for line in lines if line.startswith("Pss:")), 0)
     return kb / 1024
 

@@ -114,7 +114,7 @@ def list_family(pid: int) -> dict[int, list[str]]:
     stats, family = list_processes(), {pid}
     while more := {child for child, stat in stats.items() if int(stat[1]) in family} - family:
         family |= more
-    return {one: stats[one] for one in family & stats.keys()}
+    return {member: stats[member] for member in family & stats.keys()}
 
 
 def list_processes() -> dict[int, list[str]]:

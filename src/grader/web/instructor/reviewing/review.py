@@ -264,7 +264,7 @@ def render(
         claim, review = stored.claim_on(session, row.id, now()), stored.review_of(session, row.id)
         kept = comments_on(session, who.course, row.quiz, row.question)
         learner = name_learner(row, seen.names, marks_in(session, who.course))
-        waiting = sum(one.answers for one in list_waiting(at, session))
+        waiting = sum(queue.answers for queue in list_waiting(at, session))
     card = build_card(given)
     if card is None or given.verdict is None:
         raise NotFound("This submission has no verdict yet.")
@@ -319,7 +319,11 @@ def describe_question(library: Library, quiz: str, question: Question | None, gi
     """What the desk says of a question: its text, the answer to it, and the reference; the answer once it is gone."""
     if question is None:
         return {"answer": given.text}
-    view = next(one for one in describe_quiz(library, library.quiz(quiz))["questions"] if one["id"] == question.id)
+    view = next(
+        candidate
+        for candidate in describe_quiz(library, library.quiz(quiz))["questions"]
+        if candidate["id"] == question.id
+    )
     kind = kind_of(question)
     text = kind.show(question, given.answer)
     return {

@@ -292,4 +292,4 @@ MUTANTS = list_mutants()
 OF_BARE_DATA = tuple(mutant for mutant in MUTANTS if len(mutant.changes.get("bare_data", ())) > 1)
 """Those that lack several parts of data, so that each sentence on one of them tells too little."""
 
-assert {name for mutant in MUTANTS for name in mutant.changes} <= {one.name for one in fields(Program)}
+assert {name for mutant in MUTANTS for name in mutant.changes} <= {part.name for part in fields(Program)}

@@ -87,7 +87,11 @@ def find_match(trials: Sequence[TakenSteps], mutants: Sequence[Mutant] = MUTANTS
     if compared.takes(RIGHT):
         return Match(())
     ahead, _ = compared.count_reached(RIGHT)
-    counts = [(one, *compared.count_reached(one.program)) for one in mutants if compared.may_take(one.program)]
+    counts = [
+        (candidate, *compared.count_reached(candidate.program))
+        for candidate in mutants
+        if compared.may_take(candidate.program)
+    ]
     singles = [mutant for mutant, _, takes_first in counts if takes_first and compared.takes(mutant.program, 1)]
     differs = not compared.takes(RIGHT, 1)
     for mutant in singles:

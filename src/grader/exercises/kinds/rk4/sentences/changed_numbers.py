@@ -80,7 +80,7 @@ def explain_added_constant(reading: Reading) -> str | None:
         return None
     added = [2 * (step.qvel[2] - step.qvel[0]) / step.timestep_s - step.qacc[1] for step in reading.steps]
     scale = CONSTANT_RTOL * max(float(np.max(np.abs(step.qacc))) for step in reading.steps)
-    if np.max(np.abs(added[0])) < 1e3 * scale or any(np.max(np.abs(one - added[0])) > scale for one in added):
+    if np.max(np.abs(added[0])) < 1e3 * scale or any(np.max(np.abs(force - added[0])) > scale for force in added):
         return None
     number = added[0][0]
     what = f"{number:.4g}" if np.all(np.abs(added[0] - number) <= scale) else "a constant"
@@ -122,7 +122,7 @@ def explain_powers_of_h(reading: Reading) -> str | None:
         if any(row is None for row in rows):
             continue
         used = [{term.power for term in row if term.slope == slope} for row in rows if row is not None]
-        if not any(one - {1} for one in used):
+        if not any(numbers - {1} for numbers in used):
             continue
         number = find_fixed_timestep(rows, slope)
         if number is not None:
@@ -148,7 +148,7 @@ def describe_power(used: Sequence[set[int]], rows: Combinations, slope: str, wha
     *stages, result = used
     weights = {term.stage: term.power for term in rows[-1] or {} if term.slope == slope}
     off = sum(power != 1 for power in weights.values())
-    if result == {2} and all(2 in one for one in stages[1:]):
+    if result == {2} and all(2 in numbers for numbers in stages[1:]):
         return (
             f"h is applied twice to the {what}, in every stage and at the end: once to the slope, and once where it is "
             "added. mj_integratePos multiplies by h itself."

@@ -189,7 +189,7 @@ def explain_missing_slope(reading: Reading) -> str | None:
         for what, states in parts.items():
             shares = [(one[row] - one[0]) / step.timestep_s for one, step in zip(states, reading.steps, strict=True)]
             share = shares[0][0]
-            if abs(share) > CUT_ATOL and all(np.allclose(one, share, rtol=0, atol=CUT_ATOL) for one in shares):
+            if abs(share) > CUT_ATOL and all(np.allclose(known, share, rtol=0, atol=CUT_ATOL) for known in shares):
                 return (
                     f"Your stage {row} adds the same number, {write_row((share,)).removesuffix(' k1')}, to every "
                     f"{what}: multiply it by the slope k{row - 1}, one number for each {what}."

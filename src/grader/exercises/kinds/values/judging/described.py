@@ -58,7 +58,7 @@ def describe(problem: Problem) -> dict[str, Any]:
     expected = [problem.compute_expected(call) or () for call in problem.calls]
     return {
         "results": [{name: getattr(result, name) for name in names} for result in problem.function.results],
-        "expected": [[right.tolist() for right in one] for one in expected],
+        "expected": [[right.tolist() for right in results] for results in expected],
     }
 
 
@@ -67,6 +67,6 @@ def judge(inputs: Mapping[str, Any], problem: Mapping[str, Any], results: Result
     posed = DescribedProblem(
         DescribedFunction(tuple(DescribedResult(**result) for result in problem["results"])),
         tuple(Call(tuple(call["arguments"]), call["start"]) for call in inputs["calls"]),
-        tuple(tuple(np.array(right, dtype=np.float64) for right in one) for one in problem["expected"]),
+        tuple(tuple(np.array(right, dtype=np.float64) for right in results) for results in problem["expected"]),
     )
     return judge_calls(posed, results)
