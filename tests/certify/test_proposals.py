@@ -343,7 +343,9 @@ def test_a_proposal_is_kept_until_the_question_or_its_simulation_changes(
     def propose_all() -> list[Proposal | None]:
         library = load(root)
         every = certify_quizzes(library, library.quizzes, passed)
-        return [propose_for_key(library, one.quiz, one.question, one.key, passed) for one in every]
+        return [
+            propose_for_key(library, certified.quiz, certified.question, certified.key, passed) for certified in every
+        ]
 
     first = propose_all()
     counted = len(runs)

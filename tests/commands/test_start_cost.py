@@ -49,7 +49,7 @@ def ratio_of(run: Callable[[], object], libraries: str) -> float:
 
     run()  # compiles modules, and keeps what passed
     turns = [(measure_s(run), measure_s(import_libraries)) for _ in range(TURNS)]
-    ours, theirs = min(one for one, _ in turns), min(other for _, other in turns)
+    ours, theirs = min(value for value, _ in turns), min(other for _, other in turns)
     print(f"{ours:.3f} s, libraries {theirs:.3f} s, {ours / theirs:.2f}")
     return ours / theirs
 

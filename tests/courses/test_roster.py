@@ -154,8 +154,8 @@ def test_who_is_enrolled_and_no_user_is_told() -> None:
 def test_what_was_written_for_oneroster_is_read_back(people: list[Entry]) -> None:
     one_each = list({entry.external.id: entry for entry in people if entry.external}.values())
     found = read_zip(write_zip(one_each, "robots"), "school") if one_each else []
-    expected = [(one.name, one.role, one.email, one.external and one.external.id) for one in one_each]
-    assert [(one.name, one.role, one.email, one.external and one.external.id) for one in found] == expected
+    expected = [(entry.name, entry.role, entry.email, entry.external and entry.external.id) for entry in one_each]
+    assert [(entry.name, entry.role, entry.email, entry.external and entry.external.id) for entry in found] == expected
 
 
 def test_the_zip_file_has_the_columns_of_version_1_2() -> None:

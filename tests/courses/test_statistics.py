@@ -97,7 +97,7 @@ def test_discrimination_is_numpys_correlation_with_the_rest(seed: int, learners:
 
 def test_discrimination_is_the_point_biserial_correlation_of_right_and_wrong() -> None:
     right, rest = [0, 0, 1, 1, 1, 0], [0.1, 0.4, 0.5, 0.9, 0.3, 0.2]
-    rows = [row(i, "q", one) for i, one in enumerate(right)] + [row(i, "rest", one) for i, one in enumerate(rest)]
+    rows = [row(i, "q", one) for i, one in enumerate(right)] + [row(i, "rest", value) for i, value in enumerate(rest)]
     found = statistics_of(rows)[0].discrimination
     assert found is not None
     assert found.value == pytest.approx(scipy.stats.pointbiserialr(np.array(right) == 1, rest).statistic, abs=1e-12)
@@ -137,7 +137,7 @@ def test_a_simulated_cohort_shows_which_question_is_hard_and_which_tells_nothing
             rows.append(row(learner, name, float(right)))
     found = {question.question: question for question in statistics_of(rows)}
     assert found["easy"].difficulty.value > 0.8 > 0.2 > found["hard"].difficulty.value
-    limits = {name: one.discrimination for name, one in found.items()}
+    limits = {name: question.discrimination for name, question in found.items()}
     easy, guess, wrong = limits["easy"], limits["guess"], limits["keyed-wrong"]
     assert easy is not None and guess is not None and wrong is not None
     assert easy.low > 0.2
@@ -174,15 +174,15 @@ def test_clusters_are_narrow_disjoint_and_independent_of_order(
     values: list[float], tolerance: float | None, chance: random.Random
 ) -> None:
     found = clusters_of(values, tolerance)
-    assert [one.learners for one in found] == sorted((one.learners for one in found), reverse=True)
-    for one in found:
-        assert one.learners >= 2
-        assert one.low <= one.value <= one.high
-        assert one.high - one.low <= (0.005 * abs(one.low) if tolerance is None else tolerance)
-        assert one.learners == sum(one.low <= value <= one.high for value in values)
+    assert [cluster.learners for cluster in found] == sorted((cluster.learners for cluster in found), reverse=True)
+    for cluster in found:
+        assert cluster.learners >= 2
+        assert cluster.low <= cluster.value <= cluster.high
+        assert cluster.high - cluster.low <= (0.005 * abs(cluster.low) if tolerance is None else tolerance)
+        assert cluster.learners == sum(cluster.low <= value <= cluster.high for value in values)
     for value in set(values):  # equal numbers are never split
         if values.count(value) > 1:
-            assert any(one.low <= value <= one.high for one in found)
+            assert any(cluster.low <= value <= cluster.high for cluster in found)
     shuffled = values.copy()
     chance.shuffle(shuffled)
     assert clusters_of(shuffled, tolerance) == found

@@ -146,8 +146,14 @@ def test_the_content_folder_of_the_page_loads_and_its_keys_are_certified(tmp_pat
     assert {question.kind for question in questions} >= {*OURS} - {"debug"}
     keyed = [one for one in certify_quizzes(library, library.quizzes) if one.key.verify]
     certified = [one.certificate for one in keyed if one.certificate is not None]
-    assert [one.why for one in certified if not one.ok or one.remarks] == []
-    assert {one.method for one in certified} == {"stage", "threshold", "measurement", "expression", "outcome"}
+    assert [certificate.why for certificate in certified if not certificate.ok or certificate.remarks] == []
+    assert {certificate.method for certificate in certified} == {
+        "stage",
+        "threshold",
+        "measurement",
+        "expression",
+        "outcome",
+    }
     (cart, five) = library.quiz("2-labs").labs
     assert isinstance(cart, lab.SimLab) and isinstance(five, IntegratorsLab)
     heavy = run_lab(cart, library.model_xml("cart"), {"mass": 4.0, "force": 0.0}, [(0.5, "kick")])

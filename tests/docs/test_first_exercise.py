@@ -44,7 +44,7 @@ def test_the_course_loads_and_its_keys_are_certified(course: Path) -> None:
     assert library.warnings == ()
     assert set(library.lessons) == {"1.1"}
     certified = [one.certificate for one in certify_quizzes(library, library.quizzes) if one.key.verify]
-    assert [one.why for one in certified if one is not None and not one.ok] == []
+    assert [certificate.why for certificate in certified if certificate is not None and not certificate.ok] == []
     assert len(certified) == 3 and None not in certified
 
 

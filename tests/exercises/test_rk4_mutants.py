@@ -72,7 +72,7 @@ def read_taken(case: str, trace: Trace) -> TakenSteps:
     assert steps
     assert problem.probe is not None or not any(step.probe for step in steps)
     probe = problem.probe.force if problem.probe else problem.run.force
-    return TakenSteps(problem.run.scene().model, [(one, probe if one.probe else problem.run.force) for one in steps])
+    return TakenSteps(problem.run.scene().model, [(step, probe if step.probe else problem.run.force) for step in steps])
 
 
 def shows(mutant: Mutant, case: str) -> bool:
@@ -156,7 +156,7 @@ def test_no_mutant_is_the_right_step_and_none_is_there_twice() -> None:
     programs = [mutant.program for mutant in MUTANTS]
     assert RIGHT not in programs
     assert len({*programs}) == len(programs) > 200
-    assert {replace(RIGHT, **one.changes) for one in OF_BARE_DATA} < {*programs}
+    assert {replace(RIGHT, **mutant.changes) for mutant in OF_BARE_DATA} < {*programs}
 
 
 def rows(*changes: tuple[int, ...]) -> Trace:

@@ -125,7 +125,7 @@ def traces_of(run: Run, source: str) -> list[Trace]:
     trials = plan_exercise(SERVO, model_xml, 1).trials
     visible, hidden = read_traces(report.results["traces"]), read_traces(report.hidden_results["hidden_traces"])
     assert {*visible, *hidden} == {*range(len(trials))}
-    return [(hidden if one.hidden else visible)[index] for index, one in enumerate(trials)]
+    return [(hidden if trial.hidden else visible)[index] for index, trial in enumerate(trials)]
 
 
 def test_returned_handled_and_printed_are_noted(run: Run) -> None:

@@ -29,22 +29,24 @@ def content(tmp_path: Path) -> Path:
 def test_fifteen_of_seventeen_keys_get_a_verify_that_holds_and_certifies_them_once_pasted(content: Path) -> None:
     library = load(content)
     found = list(certify_quizzes(library, ["8.8-check"]))
-    assert [one.certificate for one in found] == [None] * 17
+    assert [certified.certificate for certified in found] == [None] * 17
     file = content / "quizzes/8.8-check.json"
     raw = json.loads(file.read_text())
-    questions = {one.id: part for one, part in zip(library.quiz("8.8-check").questions, raw["questions"], strict=True)}
+    questions = {
+        question.id: part for question, part in zip(library.quiz("8.8-check").questions, raw["questions"], strict=True)
+    }
     without = set[str]()
-    for one in found:
-        proposal = propose_for_key(library, one.quiz, one.question, one.key)
+    for certified in found:
+        proposal = propose_for_key(library, certified.quiz, certified.question, certified.key)
         if proposal is None or not proposal.holds:
-            without.add(one.question.id)
+            without.add(certified.question.id)
             continue
-        part = questions[one.question.id]
-        for step in filter(None, one.key.place.split(".")):
+        part = questions[certified.question.id]
+        for step in filter(None, certified.key.place.split(".")):
             part = part[int(step)] if step.isdigit() else part[step]
         part["verify"] = json.loads(f"{{{proposal.paste}}}")["verify"]
     assert without == set(NOT_DERIVABLE)
     file.write_text(json.dumps(raw), encoding="utf-8")
     again = list(certify_quizzes(load(content), ["8.8-check"]))
-    verdicts = [one.certificate.verdict for one in again if one.certificate is not None]
+    verdicts = [certified.certificate.verdict for certified in again if certified.certificate is not None]
     assert verdicts == ["certified"] * 15

@@ -116,7 +116,7 @@ def test_a_claim_leaves_other_topics_alone(database: Database) -> None:
         for topic in jobs.TOPICS:
             jobs.put(session, topic, topic, share="one")
         found = [jobs.claim(session, 1, topics) for topics in ((jobs.DELIVER, jobs.PRUNE), (jobs.GRADE,))]
-        assert [one and one.topic for one in found] == [jobs.DELIVER, jobs.GRADE]
+        assert [claim and claim.topic for claim in found] == [jobs.DELIVER, jobs.GRADE]
 
 
 def test_a_claim_of_no_topics_finds_nothing(database: Database) -> None:

@@ -93,10 +93,10 @@ def test_a_page_opens_at_the_axis_on_which_most_are_wrong() -> None:
         who: [
             ClassAttempt(
                 f"{who}1", who, who, 1, NOW, False, None, None,
-                {"limits": place_number(one), "settling": place_number(other), "open": place_number(9.0)},
+                {"limits": place_number(value), "settling": place_number(other), "open": place_number(9.0)},
             )
         ]
-        for who, (one, other) in placed.items()
+        for who, (value, other) in placed.items()
     }  # fmt: skip
     at = ClassAt("quiz", QUESTION, ClassAnswers(axes, by_learner), (), "")
     assert [axis.id for axis in (at.choose_axis(""), at.choose_axis("open"), at.choose_axis("no")) if axis] == [
@@ -124,7 +124,9 @@ def desk(browser: Chromium, tmp_path_factory: pytest.TempPathFactory) -> Iterato
 def test_no_text_of_a_picture_lies_on_anything(desk: Page, shape: str) -> None:
     axis = AXES[shape]
     for seed in range(6):
-        plot = draw_class(make_answers(draw_positions(axis, seed), seed), axis, address=lambda one: f"/{one.id}")
+        plot = draw_class(
+            make_answers(draw_positions(axis, seed), seed), axis, address=lambda attempt: f"/{attempt.id}"
+        )
         desk.evaluate(
             "main => document.querySelector('main').innerHTML = main",
             f"<figure class='plot-card'>{plot.pictures}</figure>",

@@ -20,7 +20,11 @@ ROOT = Path(__file__).parents[2]
 def certificates(quiz: str) -> dict[str, dict[str, Any]]:
     library = load_content(quiz)
     found = certify_quizzes(library, [quiz])
-    return {one.question.id: one.certificate.to_json() for one in found if one.certificate is not None}
+    return {
+        certified.question.id: certified.certificate.to_json()
+        for certified in found
+        if certified.certificate is not None
+    }
 
 
 def test_a_limit_is_drawn_with_its_bracket() -> None:

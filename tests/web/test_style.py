@@ -56,7 +56,7 @@ def test_borders_of_fields_and_lines_of_plots_are_seen(colours: dict[str, str]) 
 
 def test_integrators_differ_in_grey(colours: dict[str, str]) -> None:
     greys = [lightness(colours[name]) for name in INTEGRATORS]
-    assert min(abs(one - other) for one, other in combinations(greys, 2)) >= 5
+    assert min(abs(value - other) for value, other in combinations(greys, 2)) >= 5
 
 
 def test_each_integrator_has_dashes_of_its_own() -> None:

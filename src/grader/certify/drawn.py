@@ -22,7 +22,7 @@ def settle(question: Question, numbers: Mapping[str, float], model_xml: ModelXml
     drawable = cast(Drawable, question)
 
     def pose(found: Mapping[str, Certificate]) -> Question:
-        answers = {place: one.answer for place, one in found.items() if one.answer is not None}
+        answers = {place: certificate.answer for place, certificate in found.items() if certificate.answer is not None}
         return cast(Question, drawable.with_numbers(numbers, answers))
 
     found: dict[str, Certificate] = {}

@@ -27,8 +27,8 @@ def build_findings(question: ScriptQuestion, titles: Sequence[str], judged: Sequ
     scale = question.points / sum(trial.trial.points for trial in judged)
     findings = [
         finding
-        for title, one in zip(titles, judged, strict=True)
-        for finding in build_trial_findings(one, title, one.trial.points * scale)
+        for title, trial in zip(titles, judged, strict=True)
+        for finding in build_trial_findings(trial, title, trial.trial.points * scale)
     ]
     reviews = dict.fromkeys(trial.judgement.review for trial in judged if trial.judgement.review)
     if reviews:

@@ -59,5 +59,9 @@ class Judgement(Generic[Outcome]):
 def list_counting(judgements: Mapping[str, Judgement[Any]]) -> set[str]:
     """Returns the ids of the trials that count, of judgements by the trials' ids: those that passed and need no other,
     or need one that passed and needs none."""
-    firm = {id for id, one in judgements.items() if one.passed and not one.needs}
-    return {id for id, one in judgements.items() if one.passed and (not one.needs or firm & {*one.needs})}
+    firm = {id for id, judgement in judgements.items() if judgement.passed and not judgement.needs}
+    return {
+        id
+        for id, judgement in judgements.items()
+        if judgement.passed and (not judgement.needs or firm & {*judgement.needs})
+    }

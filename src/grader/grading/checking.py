@@ -145,17 +145,17 @@ class ContentCheck:
                 faults = report.faults if is_fault else report.undecided
                 faults.append(build_fault(library, quiz, certified.question, certificate))
 
-    def propose(self, one: Certified) -> None:
+    def propose(self, certified: Certified) -> None:
         """Remarks on a key that no simulation confirms, with a `verify` to paste where one can be proposed."""
-        if not is_decidable(one.key):
+        if not is_decidable(certified.key):
             return
-        named = ".".join(filter(None, (one.question.id, one.key.place)))
-        self.doing(f"looking for a verify of {one.quiz} {named}")
-        proposal = propose_for_key(self.library, one.quiz, one.question, one.key, self.passed)
+        named = ".".join(filter(None, (certified.question.id, certified.key.place)))
+        self.doing(f"looking for a verify of {certified.quiz} {named}")
+        proposal = propose_for_key(self.library, certified.quiz, certified.question, certified.key, self.passed)
         why = UNVERIFIED if proposal is None else str(proposal)
-        self.report.warnings.append(Fault(self.library.file(one.quiz), f"{named}.verify", why))
+        self.report.warnings.append(Fault(self.library.file(certified.quiz), f"{named}.verify", why))
         if proposal is not None:
-            place = {"quiz": one.quiz, "question": one.question.id, "place": one.key.place}
+            place = {"quiz": certified.quiz, "question": certified.question.id, "place": certified.key.place}
             self.report.proposals.append(place | proposal.to_json())
 
     def certify_exercise(self, quiz_id: str, question: ScriptQuestion) -> None:

@@ -46,9 +46,9 @@ class Archive:
             self._database.lock(session, "content")
             for quiz, files in library.sources.items():
                 contents.keep(session, quiz, library.digest(quiz), files)
-            media = {path: one.body for path, one in library.media.items()}
+            media = {path: file.body for path, file in library.media.items()}
             if media:  # those of the texts of lessons too, which no digest of a quiz covers
-                named = digest_of({path: one.sha256 for path, one in library.media.items()})
+                named = digest_of({path: file.sha256 for path, file in library.media.items()})
                 contents.keep(session, contents.NO_QUIZ, f"media-{named}", media)
             contents.use(session, course, library.digests)
         with self._lock:

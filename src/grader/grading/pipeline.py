@@ -139,7 +139,7 @@ class Pipeline:
     def drawn(self) -> frozenset[tuple[str, str]]:
         """The questions with drawn numbers: reading an answer may take the simulations of a learner's own key."""
         every = ((quiz.id, question) for quiz in self.library.quizzes.values() for question in quiz.questions)
-        return frozenset((quiz, one.id) for quiz, one in every if is_drawn(one))
+        return frozenset((quiz, question.id) for quiz, question in every if is_drawn(question))
 
     def read(
         self, quiz_id: str, question_id: str, answer: Any, seed: int | None = None, *, learner: str = ""

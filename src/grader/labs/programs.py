@@ -144,7 +144,9 @@ def _compile(lab: _Lab, where: str) -> LabPrograms:
         setup=c.program("setup", config.setup or "", "statement"),
         setters=tuple((one, c.setter(place, one)) for place, one in controls if not isinstance(one, Button)),
         buttons={
-            one.label: c.program(f"{at}.run", one.run, "statement") for at, one in controls if isinstance(one, Button)
+            button.label: c.program(f"{at}.run", button.run, "statement")
+            for at, button in controls
+            if isinstance(button, Button)
         },
         controller=None if config.controller is None else c.program("controller", config.controller, "statement"),
         stop=c.condition("stopAt", config.stopAt) if isinstance(config.stopAt, str) else None,

@@ -53,7 +53,8 @@ def tests(graded: Graded) -> list[dict[str, Any]]:
     """Returns a test for each finding, one for the whole question where there is none, and what the script printed."""
     verdict = graded.verdict
     found = [
-        scored(name, graded.describe(one), one.passed, one.points, one.max_points) for name, one in graded.findings
+        scored(name, graded.describe(finding), finding.passed, finding.points, finding.max_points)
+        for name, finding in graded.findings
     ]
     if not found:
         found = [scored(graded.title, verdict.diagnosis or "", passed(graded), verdict.points, verdict.max_points)]

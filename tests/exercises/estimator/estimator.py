@@ -144,9 +144,9 @@ class Estimator(Kind[EstimatorParameters, Problem, Answers]):
         self, parameters: EstimatorParameters, judged: Sequence[JudgedTrial[Problem, Answers]]
     ) -> str | None:
         """Recognises a number that is always off by the same factor."""
-        wrong = [one for one in judged if not one.judgement.passed]
+        wrong = [trial for trial in judged if not trial.judgement.passed]
         for index, name in enumerate(parameters.estimate):
-            ratios = [list_ratios(one, index) for one in wrong]
+            ratios = [list_ratios(trial, index) for trial in wrong]
             for factor, words in FACTORS.items():
                 if wrong and all(len(some) and abs(np.median(some) / factor - 1) < FACTOR_RTOL for some in ratios):
                     return f"Your {name} is {words} the true one: look for a factor in its formula."
@@ -156,8 +156,8 @@ class Estimator(Kind[EstimatorParameters, Problem, Answers]):
         self, parameters: EstimatorParameters, visible: Sequence[JudgedTrial[Problem, Answers]]
     ) -> dict[str, Any]:
         """Returns the first recording of each case, and a table of the estimates."""
-        tables = [list_estimates(parameters, one) for one in visible]
-        return {"charts": [draw_recording(one) for one in visible], "tables": tables}
+        tables = [list_estimates(parameters, trial) for trial in visible]
+        return {"charts": [draw_recording(trial) for trial in visible], "tables": tables}
 
     def write_lazy_answers(self, question: Any, parameters: EstimatorParameters, trials: Any) -> Mapping[str, str]:
         """Returns a script that answers the numbers of the visible case."""
@@ -207,7 +207,7 @@ def read_answer(answer: bytes, parameters: EstimatorParameters) -> Floats | str:
 def judge_number(parameters: EstimatorParameters, problem: Problem, answers: Answers, index: int) -> Part:
     """Returns the finding of one number: the share of recordings in which it is found."""
     name, truth, n = parameters.estimate[index], problem.truth[index], len(answers)
-    estimates = [one[index] for one in answers if not isinstance(one, str)]
+    estimates = [array[index] for array in answers if not isinstance(array, str)]
     found = sum(bool(abs(one - truth) <= parameters.rtol * abs(truth)) for one in estimates)
     low, high = bound_share(found, n)
     passed = found >= problem.case.share * n - 1e-9
@@ -217,25 +217,25 @@ def judge_number(parameters: EstimatorParameters, problem: Problem, answers: Ans
     return Part(name, name, passed, message, detail, measured=found / n, expected=problem.case.share)
 
 
-def list_ratios(one: JudgedTrial[Problem, Answers], index: int) -> list[float]:
+def list_ratios(trial: JudgedTrial[Problem, Answers], index: int) -> list[float]:
     """Returns how many times the true number each estimate is."""
-    truth = float(one.problem.truth[index])
-    return [float(answer[index]) / truth for answer in one.judgement.outcome if not isinstance(answer, str)]
+    truth = float(trial.problem.truth[index])
+    return [float(answer[index]) / truth for answer in trial.judgement.outcome if not isinstance(answer, str)]
 
 
-def draw_recording(one: JudgedTrial[Problem, Answers]) -> dict[str, Any]:
+def draw_recording(trial: JudgedTrial[Problem, Answers]) -> dict[str, Any]:
     """Returns the chart of the first recording."""
-    problem = one.problem
+    problem = trial.problem
     series = {"label": "recorded", "x": problem.times.tolist(), "y": problem.positions[0].tolist(), "points": True}
     axes = {"x": {"label": "time (s)"}, "y": {"label": "position"}}
-    return {"case": one.id, "title": "the first recording", **axes, "series": [series]}
+    return {"case": trial.id, "title": "the first recording", **axes, "series": [series]}
 
 
-def list_estimates(parameters: EstimatorParameters, one: JudgedTrial[Problem, Answers]) -> dict[str, Any]:
+def list_estimates(parameters: EstimatorParameters, trial: JudgedTrial[Problem, Answers]) -> dict[str, Any]:
     """Returns a table of the estimates, the true numbers last."""
     rows = [
         [str(i), *([answer] * len(parameters.estimate) if isinstance(answer, str) else [f"{x:.4g}" for x in answer])]
-        for i, answer in enumerate(one.judgement.outcome, 1)
+        for i, answer in enumerate(trial.judgement.outcome, 1)
     ]
-    rows.append(["true", *(f"{x:.4g}" for x in one.problem.truth)])
-    return {"case": one.id, "title": "estimates", "head": ["recording", *parameters.estimate], "rows": rows}
+    rows.append(["true", *(f"{x:.4g}" for x in trial.problem.truth)])
+    return {"case": trial.id, "title": "estimates", "head": ["recording", *parameters.estimate], "rows": rows}

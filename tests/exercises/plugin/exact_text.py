@@ -75,13 +75,13 @@ class ExactText(Kind[WordParameters, str, str]):
 
     def name_mistake(self, parameters: WordParameters, judged: Sequence[JudgedTrial[str, str]]) -> str | None:
         """Recognises words that are returned as they are."""
-        wrong = [one for one in judged if not one.judgement.passed]
-        unchanged = all(one.judgement.outcome == one.problem for one in wrong)
+        wrong = [trial for trial in judged if not trial.judgement.passed]
+        unchanged = all(trial.judgement.outcome == trial.problem for trial in wrong)
         return "You return the word as it is: reverse the order of its letters." if wrong and unchanged else None
 
     def build_pictures(self, parameters: WordParameters, visible: Sequence[JudgedTrial[str, str]]) -> dict[str, Any]:
         """Returns a chart of each word: which letters are right."""
-        return {"charts": [right_letters(one) for one in visible]}
+        return {"charts": [right_letters(trial) for trial in visible]}
 
     def list_accepted(self, parameters: WordParameters, trials: Sequence[Trial[str]]) -> Sequence[Intervals]:
         """Returns the place of the word's first letters in the dictionary; places are whole numbers."""
@@ -92,12 +92,12 @@ class ExactText(Kind[WordParameters, str, str]):
         return [[(place - 0.5, place + 0.5)]]
 
 
-def right_letters(one: JudgedTrial[str, str]) -> dict[str, Any]:
+def right_letters(trial: JudgedTrial[str, str]) -> dict[str, Any]:
     """Returns 1 for each letter of the text that is right, else 0, against the position of the letter."""
-    right = [int(a == b) for a, b in zip(one.judgement.outcome, one.problem[::-1], strict=False)]
+    right = [int(a == b) for a, b in zip(trial.judgement.outcome, trial.problem[::-1], strict=False)]
     series = [{"label": "right (1) or wrong (0)", "x": list(range(1, len(right) + 1)), "y": right, "points": True}]
     return {
-        "case": one.id,
+        "case": trial.id,
         "title": "letters",
         "x": {"label": "position"},
         "y": {"label": "right"},

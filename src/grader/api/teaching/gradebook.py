@@ -130,7 +130,9 @@ def read_rows(
         points = points_of(first[1], first[2])
         if others or learner in hidden:
             each = [points, *(points_of(row[1], row[2]) for row in others)]
-            points = {place: one for of in each for place, one in of.items() if place not in hidden.get(learner, ())}
+            points = {
+                place: value for of in each for place, value in of.items() if place not in hidden.get(learner, ())
+            }
         rows.append(row_of(learner, first, points, marks))
     return sorted(rows, key=attrgetter("user", "id"))
 

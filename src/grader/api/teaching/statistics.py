@@ -36,9 +36,9 @@ def as_json(quiz: str, statistics: QuizStatistics) -> bytes:
     return json.dumps({"quiz": quiz, "learners": statistics.learners, "questions": questions}).encode()
 
 
-def item(one: QuestionStatistics) -> dict[str, Any]:
+def item(question: QuestionStatistics) -> dict[str, Any]:
     """The statistics of one question as plain JSON; counts as lists, the largest mistake first."""
-    return asdict(one) | {
-        "options": [{"option": option, "learners": n} for option, n in one.options.items()],
-        "mistakes": [{"diagnosis": diagnosis, "learners": n} for diagnosis, n in one.mistakes.items()],
+    return asdict(question) | {
+        "options": [{"option": option, "learners": n} for option, n in question.options.items()],
+        "mistakes": [{"diagnosis": diagnosis, "learners": n} for diagnosis, n in question.mistakes.items()],
     }

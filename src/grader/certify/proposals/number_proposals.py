@@ -96,28 +96,28 @@ def propose_for_number(key: NumberKey, scenes: Sequence[LabScene], model_xml: Mo
 
 
 def propose_certified(
-    key: NumberKey, one: Candidate, model_xml: ModelXml, compared: int, rivals: int
+    key: NumberKey, candidate: Candidate, model_xml: ModelXml, compared: int, rivals: int
 ) -> Proposal | None:
     """Returns the proposal of a candidate under which the key is certified, about the motion or else about the run at
     the model's own timestep; None where it is not."""
-    for timestep, about in ABOUT.items() if isinstance(one.verify, ByMeasurement) else [("both", "")]:
-        verify = one.verify if timestep == "both" else one.verify.model_copy(update={"timestep": timestep})
+    for timestep, about in ABOUT.items() if isinstance(candidate.verify, ByMeasurement) else [("both", "")]:
+        verify = candidate.verify if timestep == "both" else candidate.verify.model_copy(update={"timestep": timestep})
         certificate = certify_with(key, verify, model_xml)
         if certificate is not None and certificate.ok and certificate.answer is not None:
             others = f"; {rivals} more come{'s' * (rivals == 1)} near it: read which one is meant" if rivals else ""
-            measured = replace(one, verify=verify, value=certificate.answer)
+            measured = replace(candidate, verify=verify, value=certificate.answer)
             return build_proposal(key, measured, compared, about + others, holds=True)
     return None
 
 
-def build_proposal(key: NumberKey, one: Candidate, compared: int, caution: str, *, holds: bool) -> Proposal:
+def build_proposal(key: NumberKey, candidate: Candidate, compared: int, caution: str, *, holds: bool) -> Proposal:
     """Returns a proposal with the numbers as people read them: never alike where they differ."""
     unit = key.unit or ""
-    gives, says = format_number(one.value, key.answer), format_number(key.answer, one.value)
+    gives, says = format_number(candidate.value, key.answer), format_number(key.answer, candidate.value)
     return Proposal(
-        write_verify(one.verify),
+        write_verify(candidate.verify),
         holds,
-        one.what,
+        candidate.what,
         f"{gives} {unit}".strip(),
         f"{says} {unit}".strip(),
         compared,
@@ -188,49 +188,49 @@ class NumberSearch:
                 yield Fitted(fit.expr, fit, None, is_certain=False)
 
     def measure(
-        self, one: Fitted, name: Measured, seconds: float, times: Floats, values: Floats
+        self, fit: Fitted, name: Measured, seconds: float, times: Floats, values: Floats
     ) -> Iterator[Candidate]:
         """Yields a quantity of a series in the first `seconds` of a run, by each level or band that may be meant."""
         is_of_moments = name in BASE_UNITS
-        if one.factor is None and not is_of_moments:
+        if fit.factor is None and not is_of_moments:
             return
-        rank = self.rank(one, name, seconds)
-        is_telling = self.scene.is_own or (one.is_certain and name in self.asked.quantities)
+        rank = self.rank(fit, name, seconds)
+        is_telling = self.scene.is_own or (fit.is_certain and name in self.asked.quantities)
         quantity: QuantityName = "final" if name == "end" else name
-        forms = [(one.expr, "", values)] if is_of_moments else list_forms(one, self.asked, values)
+        forms = [(fit.expr, "", values)] if is_of_moments else list_forms(fit, self.asked, values)
         seen = set[tuple[float, str]]()
         for expr, form, series in forms:
-            for more in list_windows(name, self.asked, one):
+            for more in list_windows(name, self.asked, fit):
                 value = measure(quantity, times, series, Window(until=seconds, **more))
                 verify = write_measurement(self.scene, expr, name, seconds, more)
                 if isfinite(value) and verify is not None and (value, str(more)) not in seen:
                     seen.add((value, str(more)))
                     window = describe_window(name, seconds, more)
-                    what = f"{NAMES[name]}{form} of “{one.shown.label}”{window}{self.where}"
+                    what = f"{NAMES[name]}{form} of “{fit.shown.label}”{window}{self.where}"
                     yield Candidate(verify, find_scale(name, self.unit) * value, what, rank, is_telling)
 
-    def rank(self, one: Fitted, name: str, seconds: float) -> int:
+    def rank(self, fit: Fitted, name: str, seconds: float) -> int:
         """Returns how well a candidate fits: the quantity is asked for, the unit is certain, the label and the moment
         stand in the question."""
-        words = min(len(read_words(one.shown.label) & self.asked.words), 2)
+        words = min(len(read_words(fit.shown.label) & self.asked.words), 2)
         is_asked, is_named = name in self.asked.quantities, seconds in self.asked.moments_s
-        return 3 * is_asked + 2 * one.is_certain + words + is_named + self.scene.is_own + min(self.scene.named, 2)
+        return 3 * is_asked + 2 * fit.is_certain + words + is_named + self.scene.is_own + min(self.scene.named, 2)
 
 
-def list_forms(one: Fitted, asked: Asked, values: Floats) -> Iterator[tuple[str, str, Floats]]:
+def list_forms(fit: Fitted, asked: Asked, values: Floats) -> Iterator[tuple[str, str, Floats]]:
     """Yields an expression as it is, where the question asks for a size without its sign, and where it asks for a
     distance from its start."""
-    yield one.expr, "", values
+    yield fit.expr, "", values
     if asked.is_unsigned and (values < 0).any():
-        yield f"Math.abs({one.expr})", " without sign", np.abs(values)
+        yield f"Math.abs({fit.expr})", " without sign", np.abs(values)
     start = float(f"{values[0]:.9g}")
     if asked.is_far and start:
-        yield f"Math.abs({one.expr} - {start!r})".replace("- -", "+ "), " from the start", np.abs(values - start)
+        yield f"Math.abs({fit.expr} - {start!r})".replace("- -", "+ "), " from the start", np.abs(values - start)
 
 
-def list_windows(name: str, asked: Asked, one: Fitted) -> Iterator[dict[str, Any]]:
+def list_windows(name: str, asked: Asked, fit: Fitted) -> Iterator[dict[str, Any]]:
     """Yields by what a quantity is measured: levels and bands that the question names, and 0."""
-    unit = one.shown.unit
+    unit = fit.shown.unit
     named = [(amount, amount.to(unit) if unit else amount.value) for amount in asked.amounts]
     if name in ("crossing", "crossings"):
         levels = [value for amount, value in named if value is not None and not amount.is_width]

@@ -113,8 +113,8 @@ def claim_amounts(
     if asked.quantities and asked.quantities[0] == "crossings":
         level = {"when": "times"}
         claims: list[dict[str, Any] | str] = [
-            {"expr": f"{shown.expr} > 0", "at_least": cut(one - width), "at_most": cut(one + width), **level}
-            for one, width in zip(numbers, widths, strict=True)
+            {"expr": f"{shown.expr} > 0", "at_least": cut(value - width), "at_most": cut(value + width), **level}
+            for value, width in zip(numbers, widths, strict=True)
         ]
         yield Candidate(build_outcome(scene, claims), f"how often “{shown.label}” becomes positive", rank)
         return
@@ -122,7 +122,7 @@ def claim_amounts(
     if fitted is None:
         return
     for name in [quantity for quantity in asked.quantities if quantity in ("end", "max", "min")] or ["end"]:
-        claims = [claim_number(fitted, name, one, width) for one, width in zip(numbers, widths, strict=True)]
+        claims = [claim_number(fitted, name, value, width) for value, width in zip(numbers, widths, strict=True)]
         what = f"{NAMES[name]} of “{shown.label}” within {scene.seconds:g} s"
         yield Candidate(build_outcome(scene, claims), what, rank + 2 * fitted.is_certain)
 

@@ -138,12 +138,17 @@ def name_choices(answers: ClassAnswers, question: Question) -> ClassAnswers:
     if not texts:
         return answers
 
-    def name(one: ClassAttempt) -> ClassAttempt:
-        if one.mistake is None or one.mistake.sentence or not one.options or max(one.options) >= len(texts):
-            return one
-        chosen = sorted(one.options)
+    def name(attempt: ClassAttempt) -> ClassAttempt:
+        if (
+            attempt.mistake is None
+            or attempt.mistake.sentence
+            or not attempt.options
+            or max(attempt.options) >= len(texts)
+        ):
+            return attempt
+        chosen = sorted(attempt.options)
         key = OPTION + "-".join(map(str, chosen))
-        return replace(one, mistake=Mistake(key, "Chose: " + "; ".join(texts[place] for place in chosen), ""))
+        return replace(attempt, mistake=Mistake(key, "Chose: " + "; ".join(texts[place] for place in chosen), ""))
 
     return replace(answers, by_learner={who: [*map(name, theirs)] for who, theirs in answers.by_learner.items()})
 

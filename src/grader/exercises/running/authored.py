@@ -43,12 +43,16 @@ def does_the_same(
     kind: AnyKind, plan: Plan, judgements: Sequence[Judgement[Any]], others: Sequence[Judgement[Any]]
 ) -> bool:
     """Whether two scripts pass the same trials, and fail the others alike."""
-    if any(one.passed != other.passed for one, other in zip(judgements, others, strict=True)):
+    if any(judgement.passed != other.passed for judgement, other in zip(judgements, others, strict=True)):
         return False
     failed = [
-        (trial, one, other) for trial, one, other in zip(plan.trials, judgements, others, strict=True) if not one.passed
+        (trial, judgement, other)
+        for trial, judgement, other in zip(plan.trials, judgements, others, strict=True)
+        if not judgement.passed
     ]
     return bool(failed) and all(
-        one.outcome is not None and other.outcome is not None and kind.is_alike(plan.parameters, trial, one, other)
-        for trial, one, other in failed
+        judgement.outcome is not None
+        and other.outcome is not None
+        and kind.is_alike(plan.parameters, trial, judgement, other)
+        for trial, judgement, other in failed
     )

@@ -47,7 +47,7 @@ def list_unplaced(plan: Plan, report: RunReport) -> Iterator[str]:
         told = [report.reason]
     else:
         parts = {False: report.results, True: report.hidden_results}
-        told = [read_unplaced(select_results(parts[one.hidden], at)) for at, one in enumerate(plan.trials)]
+        told = [read_unplaced(select_results(parts[trial.hidden], at)) for at, trial in enumerate(plan.trials)]
     yield from (what for what in told if what and not any(known in what for known in OF_SCRIPTS))
 
 

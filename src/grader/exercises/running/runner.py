@@ -86,8 +86,8 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
         visible = {choose_message(trial) for trial in judged if not trial.hidden}
         first = choose_message(judged[0])
         return build_failure(question, ends[0], first if len(visible) == 1 else f"{titles[0]}: {first}", findings)
-    whole = [one for one, end in zip(judged, ends, strict=True) if not end]
-    said = [f"{title}: {choose_message(one)}" for title, one in zip(titles, judged, strict=True)]
+    whole = [trial for trial, end in zip(judged, ends, strict=True) if not end]
+    said = [f"{title}: {choose_message(trial)}" for title, trial in zip(titles, judged, strict=True)]
     authored = partial(find_authored_sentence, kind, plan, [one for one, _ in found], question.limits, run)
     mistake, direction = diagnose(
         kind, plan.parameters, list(zip(judged, said, strict=True)), whole, run, find_authored=authored

@@ -101,7 +101,7 @@ def score_of(
         found = {question: results[question]} if question in results else {}
         asked = {question: worth.get(question) or (found[question].max_points if found else 0.0)}
     else:
-        found = {name: one for name, one in results.items() if name in worth}
+        found = {name: result for name, result in results.items() if name in worth}
         asked = dict(worth)
     maximum = round(sum(asked.values()), DIGITS)
     if not found or maximum <= 0:
@@ -119,6 +119,8 @@ def score_of(
 
 def join_comments(results: Mapping[str, Result], comments: Mapping[str, str], *, of_quiz: bool) -> str:
     """Returns what reviewers wrote on the answers that count; in the score of a quiz each after its question's id."""
-    written = {name: comments[one.submission_id] for name, one in results.items() if one.submission_id in comments}
+    written = {
+        name: comments[result.submission_id] for name, result in results.items() if result.submission_id in comments
+    }
     lines = [f"{name}: {text}" if of_quiz else text for name, text in sorted(written.items())]
     return "\n\n".join(lines)

@@ -70,8 +70,8 @@ def draw_learners(rng: Random, count: int) -> list[DemoLearner]:
     ]
     idle = set(rng.sample(range(count), min(2, count // 10)))
     return [
-        DemoLearner(one.name, one.member_id, one.skill, 0.0 if place in idle else one.effort)
-        for place, one in enumerate(learners)
+        DemoLearner(learner.name, learner.member_id, learner.skill, 0.0 if place in idle else learner.effort)
+        for place, learner in enumerate(learners)
     ]
 
 

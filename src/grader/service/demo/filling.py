@@ -114,9 +114,9 @@ def refuse_other_data(database: Database, course: str, *, beside: bool) -> None:
         )
 
 
-def parse_planned(pipeline: Pipeline, secret: bytes, one: PlannedAnswer) -> ParsedSubmission:
+def parse_planned(pipeline: Pipeline, secret: bytes, answer: PlannedAnswer) -> ParsedSubmission:
     """Reads an answer; scripts get hidden cases that follow from the seed of the demo."""
-    parsed = pipeline.read(one.quiz, one.question, one.answer)
+    parsed = pipeline.read(answer.quiz, answer.question, answer.answer)
     return parsed if parsed.is_instant else replace(parsed, seed=compute_seed(secret, parsed.digest))
 
 
@@ -130,19 +130,21 @@ def judge_answers(
     with ExitStack() as stack:
         start = cache(lambda: stack.enter_context(Graders(workers, allow_t2=settings.allow_t2)))
 
-        def judge(one: ParsedSubmission, _text_of: object) -> Verdict:
+        def judge(submission: ParsedSubmission, _text_of: object) -> Verdict:
             with opening:
                 graders = start()
-            verdict = graders.judge(pipeline.library, Script(one.quiz.id, one.question.id, one.answer, one.seed))
+            verdict = graders.judge(
+                pipeline.library, Script(submission.quiz.id, submission.question.id, submission.answer, submission.seed)
+            )
             if not verdict.status.uses_attempt:
-                raise JailFault(f"a script of {one.question.id} could not be judged: {verdict.diagnosis}")
+                raise JailFault(f"a script of {submission.question.id} could not be judged: {verdict.diagnosis}")
             return verdict
 
-        def judge_or_recall(one: ParsedSubmission) -> Verdict:
+        def judge_or_recall(submission: ParsedSubmission) -> Verdict:
+            asked = [submission.content_digest, submission.question.id, submission.text, str(submission.seed)]
             return passed.run(
-                "demo verdict", [one.content_digest, one.question.id, one.text, str(one.seed)], partial(judge, one),
-                text_of=pipeline.library.text, write=lambda verdict: verdict.model_dump(mode="json"),
-                read=Verdict.model_validate,
+                "demo verdict", asked, partial(judge, submission), text_of=pipeline.library.text,
+                write=lambda verdict: verdict.model_dump(mode="json"), read=Verdict.model_validate,
             )  # fmt: skip
 
         pool = stack.enter_context(ThreadPoolExecutor(workers))

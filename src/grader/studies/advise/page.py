@@ -156,10 +156,12 @@ def _draw_level(scale: _Scale, error: float, kind: str, label: str, below: float
     return [line, f'<text x="{LEFT + 6}" y="{y:.1f}">{label} {error:.2g}</text>']
 
 
-def _draw_mark(one: Candidate, x: float, y: float, name: str) -> str:
-    error = "diverged" if one.error == inf else f"error {one.error:.2g}"
-    title = escape(f"{name}: {error}, cost {one.cost:g}" + (f", {one.warning}" if one.warning else ""))
-    shape = _draw_shape(INTEGRATORS.index(one.integrator), x, y, " diverged" if one.error == inf else "")
+def _draw_mark(candidate: Candidate, x: float, y: float, name: str) -> str:
+    error = "diverged" if candidate.error == inf else f"error {candidate.error:.2g}"
+    title = escape(
+        f"{name}: {error}, cost {candidate.cost:g}" + (f", {candidate.warning}" if candidate.warning else "")
+    )
+    shape = _draw_shape(INTEGRATORS.index(candidate.integrator), x, y, " diverged" if candidate.error == inf else "")
     return f'<g tabindex="0"><title>{title}</title>{shape}</g>'
 
 

@@ -271,7 +271,7 @@ class _Survey:
         the ones between need no run.
         """
         tried = {h: self.measured[integrator, h] for h in self.offered[integrator] if (integrator, h) in self.measured}
-        smallest_failed = min((h for h, one in tried.items() if not self.passes(one)), default=inf)
+        smallest_failed = min((h for h, candidate in tried.items() if not self.passes(candidate)), default=inf)
         untried = [h for h in self.offered[integrator] if h < smallest_failed and h not in tried]
         left = [h for h in untried if integrator.evaluations / h <= limit]
         if not left:

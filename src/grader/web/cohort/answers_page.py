@@ -203,7 +203,7 @@ def advise(at: ClassAt, axis: ClassAxis | None, plot: ClassPlot | None) -> list[
     """Returns what to say to the class: at most two sentences, from the numbers; none where there is nothing to say."""
     sentences = []
     several = [family for family in at.families if family.learners > 1]
-    first = min(several, key=lambda one: (-len(one.still), -one.learners), default=None)
+    first = min(several, key=lambda family: (-len(family.still), -family.learners), default=None)
     other = next((family for family in several if family is not first), None)
     if first is not None:
         cure = find_cure(first.sentence)

@@ -51,7 +51,7 @@ def story(
         unseen = unseen_by(session, who).results
         shown = [(row, read_in_full(row, seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
         marks = marks_in(session, who.course)
-    given = [(row.quiz, row.question, None if row.id in seen.names else one) for row, one in shown]
+    given = [(row.quiz, row.question, None if row.id in seen.names else attempt) for row, attempt in shown]
     cells = {at: make_cell(result, unseen) for at, result in counts.items()}
     name = member.name if member is not None else rows[0].user
     parts = group_answers(desk.library, given, cells, averaged)

@@ -169,14 +169,14 @@ def describe_value(cluster: Cluster, question: Question) -> str:
     return f"{counted.text}: {value}" if counted.text else value
 
 
-def describe_share(one: Estimate) -> str:
+def describe_share(estimate: Estimate) -> str:
     """Returns a share with its interval: `62 % (48 to 74 %, n = 42)`."""
-    value, low, high = (f"{100 * part:.0f}" for part in (one.value, one.low, one.high))
-    return f"{value}{NARROW}% ({low} to {high}{NARROW}%, n = {one.n})"
+    value, low, high = (f"{100 * part:.0f}" for part in (estimate.value, estimate.low, estimate.high))
+    return f"{value}{NARROW}% ({low} to {high}{NARROW}%, n = {estimate.n})"
 
 
-def describe_correlation(one: Estimate | None) -> str:
+def describe_correlation(estimate: Estimate | None) -> str:
     """Returns a correlation with its interval; where there is none, why."""
-    if one is None:
+    if estimate is None:
         return "unknown: too few learners, or all alike"
-    return f"{number(one.value, 2)} ({number(one.low, 2)} to {number(one.high, 2)}, n = {one.n})"
+    return f"{number(estimate.value, 2)} ({number(estimate.low, 2)} to {number(estimate.high, 2)}, n = {estimate.n})"

@@ -50,7 +50,7 @@ def describe_shares(shares: Sequence[Named]) -> str:
     (name, hardest), *others = sorted(shares, key=lambda share: share[1].value)
     if hardest.n < LEARNERS_MIN or not others:
         return "Share of the points"
-    if any(one.low <= hardest.high for _, one in others):
+    if any(estimate.low <= hardest.high for _, estimate in others):
         return "Share of the points: no question is clearly the hardest, as intervals overlap"
     return f"The hardest is “{name}”: {100 * hardest.value:.0f}{NARROW}% of its points"
 
@@ -71,8 +71,8 @@ def describe_discrimination(tells: Sequence[Named]) -> str:
 def plot_rows(name: str, title: str, caption: str, rows: Sequence[Named], ends: tuple[float, float]) -> Sketch:
     """Returns one plot: a row for each question."""
     table = tuple(
-        (title, number(one.value, 2), f"{number(one.low, 2)} to {number(one.high, 2)}", str(one.n))
-        for title, one in rows
+        (title, number(estimate.value, 2), f"{number(estimate.low, 2)} to {number(estimate.high, 2)}", str(estimate.n))
+        for title, estimate in rows
     )
     return Sketch(name, title, caption, (HEADINGS, *table), lambda width: draw(rows, ends, width))
 
@@ -83,13 +83,13 @@ def draw(rows: Sequence[Named], ends: tuple[float, float], width: float) -> Draw
     drawing, axis = Drawing(width, foot + FOOT), Axis(*ends, SIDE, width - SIDE)
     for tick in axis.ticks(5):
         drawing.line("reference" if tick == 0 > ends[0] else "grid", axis.at(tick), 0, axis.at(tick), foot)
-    for place, (title, one) in enumerate(rows):
+    for place, (title, estimate) in enumerate(rows):
         top = place * ROW
-        count = f"n = {one.n}"
+        count = f"n = {estimate.n}"
         drawing.text(shorten(title, width - 2 * SIDE - SIGN * (len(count) + 2)), SIDE, top + LABEL, "told halo")
         drawing.text(count, width - SIDE, top + LABEL, "halo", anchor="end")
-        drawing.line("line solid", axis.at(one.low), top + DOT, axis.at(one.high), top + DOT)
-        drawing.dot("", axis.at(one.value), top + DOT)
+        drawing.line("line solid", axis.at(estimate.low), top + DOT, axis.at(estimate.high), top + DOT)
+        drawing.dot("", axis.at(estimate.value), top + DOT)
     drawing.x_axis(axis, foot, "", 5)
     return drawing
 

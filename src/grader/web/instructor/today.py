@@ -91,7 +91,9 @@ def describe_course(session: Session, library: Library, course: str) -> dict[str
     """Returns what the page says of the class, of the last day and of the content."""
     clock, quizzes = now(), library.quizzes
     policies = read_policies(session, library, course, quizzes)
-    due = min(((one.due, quiz) for quiz, one in policies.items() if one.due and one.due > clock), default=None)
+    due = min(
+        ((policy.due, quiz) for quiz, policy in policies.items() if policy.due and policy.due > clock), default=None
+    )
     outcomes = submissions.count_outcomes(session, course, clock - DAY, SUBMISSIONS_MAX)
     graded = sum(outcomes.values())
     return {
@@ -178,9 +180,9 @@ def describe_place(titles: Mapping[tuple[str, str], str], one: Stuck | WaitingQu
     return f"{one.quiz}: {titles.get((one.quiz, one.question), one.question)}"
 
 
-def make_address(one: Stuck) -> str:
+def make_address(learner: Stuck) -> str:
     """Returns the address of what a learner has answered to the question."""
-    return f"{PAGE}/learners/{one.learner}#{one.quiz}--{one.question}"
+    return f"{PAGE}/learners/{learner.learner}#{learner.quiz}--{learner.question}"
 
 
 def describe_age(moment: datetime) -> str:

@@ -66,7 +66,7 @@ class Reel:
 def build_reel(attempts: Sequence[Given], question: Question | None, chosen: str | None) -> Reel:
     """Returns the reel of some attempts, newest first, at the chosen one, else at the newest. Raises NotFound."""
     row = [*reversed(attempts)]
-    at = next((at for at, one in enumerate(row) if one.id == chosen), len(row) - 1 if chosen is None else -1)
+    at = next((at for at, attempt in enumerate(row) if attempt.id == chosen), len(row) - 1 if chosen is None else -1)
     if at < 0:
         raise NotFound(NO_ATTEMPT)
     given = row[at]

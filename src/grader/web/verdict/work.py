@@ -220,7 +220,9 @@ def compare_attempts(attempts: Sequence[Given]) -> list[Given]:
         attempt for attempt in attempts if attempt.verdict is None or attempt.verdict["status"] != Status.INVALID_ANSWER
     ]
     compared = [Compared(attempt.attempt, attempt.verdict) for attempt in reversed(given) if attempt.verdict]
-    said = {one.attempt: describe_progress(compared[:index], one) for index, one in enumerate(compared)}
+    said = {
+        comparison.attempt: describe_progress(compared[:index], comparison) for index, comparison in enumerate(compared)
+    }
     return [replace(attempt, progress=said.get(attempt.attempt, "")) for attempt in given]
 
 

@@ -104,13 +104,13 @@ def judge_interval(claim: Claim, got: Floats, measured: Measured) -> tuple[str, 
     return "", ""
 
 
-def describe(one: Comparison) -> Part:
+def describe(comparison: Comparison) -> Part:
     """Returns the finding of one claim."""
-    claim = one.claim
-    got = one.text if one.values is None else to_json(one.values)
-    right = to_json(one.measured.values)
-    message = one.why or "It agrees with our own measurement."
-    return Part(claim.name, claim.label, not one.why, message, one.detail, got, right, claim.points)
+    claim = comparison.claim
+    got = comparison.text if comparison.values is None else to_json(comparison.values)
+    right = to_json(comparison.measured.values)
+    message = comparison.why or "It agrees with our own measurement."
+    return Part(claim.name, claim.label, not comparison.why, message, comparison.detail, got, right, claim.points)
 
 
 def to_json(values: Floats) -> Any:

@@ -132,7 +132,7 @@ def measure_own(bench: Bench, index: int) -> Floats:
     """Returns the numbers of a claim at the model's own timestep. Raises as `Bench.measure` does."""
     claim = bench.problem.claims[index]
     points = list_points(bench.problem, claim)
-    return np.array([bench.measure(claim, one, SAME, at_s)[1] for one, at_s in points])
+    return np.array([bench.measure(claim, experiment, SAME, at_s)[1] for experiment, at_s in points])
 
 
 def rehearse_claims(problem: Problem) -> None:
@@ -209,7 +209,7 @@ def measure_given(bench: Bench, index: int, own: Floats, allowed: float) -> Meas
     """Returns a claim about the discretisation itself: only nudged starts are varied. Raises as `Bench.measure`."""
     claim = bench.problem.claims[index]
     points = list_points(bench.problem, claim)
-    nudged = [[bench.measure(claim, one, variant, at_s)[1] for one, at_s in points] for variant in NUDGED]
+    nudged = [[bench.measure(claim, experiment, variant, at_s)[1] for experiment, at_s in points] for variant in NUDGED]
     noise = float(np.abs(np.array(nudged) - own).max())
     return Measured(own, noise, own, explain_doubt(index, noise, allowed, describe_noise(noise)))
 

@@ -37,7 +37,7 @@ def name_the_mistake(judged: Sequence[Judged]) -> str | None:
     ]
     names = list(dict.fromkeys(comparison.claim.name for _, comparison in failed))
     for name in names:
-        mine = [(one.problem, comparison) for one, comparison in failed if comparison.claim.name == name]
+        mine = [(trial.problem, comparison) for trial, comparison in failed if comparison.claim.name == name]
         template = explain_simply(judged, name) or explain_by_rules(judged, mine)
         if template is not None:
             return template.replace("{label}", capitalize(mine[0][1].claim.label))
@@ -65,15 +65,15 @@ def explain_simply(judged: Sequence[Judged], name: str) -> str | None:
     return None
 
 
-def is_rounded(one: Comparison) -> bool:
+def is_rounded(comparison: Comparison) -> bool:
     """Whether every number of a claim is the measured one, rounded to a few significant figures."""
-    assert one.values is not None
-    if one.claim.form == "interval":
+    assert comparison.values is not None
+    if comparison.claim.form == "interval":
         return False
     return any(
         all(
             got == float(f"{right:.{figures}g}")
-            for got, right in zip(one.values.tolist(), one.measured.values.tolist(), strict=True)
+            for got, right in zip(comparison.values.tolist(), comparison.measured.values.tolist(), strict=True)
         )
         for figures in range(1, FIGURES_ROUGH + 1)
     )
@@ -81,7 +81,7 @@ def is_rounded(one: Comparison) -> bool:
 
 def explain_by_rules(judged: Sequence[Judged], wrong: Sequence[tuple[Problem, Comparison]]) -> str | None:
     """Returns the sentence of the first rule that gives the claim in every case in which it is wrong."""
-    scenes = [(build_scene(judged, problem, one), one) for problem, one in wrong]
+    scenes = [(build_scene(judged, problem, comparison), comparison) for problem, comparison in wrong]
     for index in range(len(RULES)):
         (first, one), *others = scenes
         for sentence in list_matching(first, one, index):
@@ -90,32 +90,32 @@ def explain_by_rules(judged: Sequence[Judged], wrong: Sequence[tuple[Problem, Co
     return None
 
 
-def build_scene(judged: Sequence[Judged], problem: Problem, one: Comparison) -> Scene:
+def build_scene(judged: Sequence[Judged], problem: Problem, comparison: Comparison) -> Scene:
     """Returns the scene of a wrong claim."""
     outcome = next(trial.judgement.outcome for trial in judged if trial.problem is problem)
-    return Scene(problem, one.claim, one.measured, tuple(each.measured.values for each in outcome))
+    return Scene(problem, comparison.claim, comparison.measured, tuple(each.measured.values for each in outcome))
 
 
-def list_matching(scene: Scene, one: Comparison, index: int) -> Iterator[str]:
+def list_matching(scene: Scene, comparison: Comparison, index: int) -> Iterator[str]:
     """Yields the sentences of a rule whose wrong values are the learner's."""
     for sentence, values in RULES[index](scene):
-        if values is not None and is_near(one, values):
+        if values is not None and is_near(comparison, values):
             yield sentence
 
 
-def is_near(one: Comparison, wrong: Floats) -> bool:
+def is_near(comparison: Comparison, wrong: Floats) -> bool:
     """Whether a claim is a wrong value, which is not right itself. An interval is one that holds it. Of a curve the
     points count at which the wrong value is known."""
-    right, allowed = one.measured.values, one.allowed
+    right, allowed = comparison.measured.values, comparison.allowed
     known = np.isfinite(wrong)
-    if one.values is None or wrong.shape != right.shape or known.sum() < min(len(right), POINTS_MIN):
+    if comparison.values is None or wrong.shape != right.shape or known.sum() < min(len(right), POINTS_MIN):
         return False
     if float(np.abs(wrong - right)[known].max()) <= allowed:
         return False
-    if one.claim.form == "interval":
-        low, high = one.values.tolist()
+    if comparison.claim.form == "interval":
+        low, high = comparison.values.tolist()
         return bool(low <= wrong[0] <= high and not low <= right[0] <= high)
     sizes = [float(np.abs(values[known]).max()) for values in (wrong, right)]
     scaled = sizes[0] / sizes[1] if sizes[1] > 0 else 1.0
     slack = max(allowed * scaled, min(allowed, NEAR_SHARE * sizes[0]))
-    return bool(np.abs(one.values - wrong)[known].max() <= slack)
+    return bool(np.abs(comparison.values - wrong)[known].max() <= slack)

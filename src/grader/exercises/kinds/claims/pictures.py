@@ -30,7 +30,7 @@ def build_evidence(visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str
     shown = sorted(every, key=lambda each: not each[2].why)[:CHARTS_MAX]
     return {
         "tables": [build_table(case, outcome) for case, _, outcome in trials],
-        "charts": [chart for case, problem, one in shown for chart in draw_claim(case, problem, one)],
+        "charts": [chart for case, problem, comparison in shown for chart in draw_claim(case, problem, comparison)],
     }
 
 
@@ -58,55 +58,55 @@ def write_numbers(values: Floats) -> str:
     return ", ".join(f"{value:.{FIGURES}g}" for value in values.tolist())
 
 
-def draw_claim(case: str, problem: Problem, one: Comparison) -> Iterator[dict[str, Any]]:
+def draw_claim(case: str, problem: Problem, comparison: Comparison) -> Iterator[dict[str, Any]]:
     """Yields the chart of a claim: a curve beside ours, or the run with what was claimed of it."""
-    if one.claim.form == "curve":
+    if comparison.claim.form == "curve":
         assert problem.axis is not None
-        yield draw_curve(case, problem.axis, problem.x, one)
+        yield draw_curve(case, problem.axis, problem.x, comparison)
         return
     try:
-        run, series = read_series(problem.list_experiments(one.claim)[0], [one.claim.expr], SAME)
+        run, series = read_series(problem.list_experiments(comparison.claim)[0], [comparison.claim.expr], SAME)
     except (Unresolved, VerifyError, LabRefused):
         return
-    yield draw_run(case, np.array(run.times), series[:, 0], one)
+    yield draw_run(case, np.array(run.times), series[:, 0], comparison)
 
 
-def draw_curve(case: str, axis: Axis, x: Sequence[float], one: Comparison) -> dict[str, Any]:
+def draw_curve(case: str, axis: Axis, x: Sequence[float], comparison: Comparison) -> dict[str, Any]:
     """Returns a chart of a curve, with ours."""
-    series = [build_series("measured", np.array(x), one.measured.values, points=True)]
-    if one.values is not None:
-        series.append(build_series("yours", np.array(x), one.values, points=True))
+    series = [build_series("measured", np.array(x), comparison.measured.values, points=True)]
+    if comparison.values is not None:
+        series.append(build_series("yours", np.array(x), comparison.values, points=True))
     return {
         "case": case,
-        "title": one.claim.label,
+        "title": comparison.claim.label,
         "x": {"label": label_axis(axis.label, axis.unit), "log": False},
-        "y": {"label": label_axis(one.claim.label, one.claim.unit), "log": False},
+        "y": {"label": label_axis(comparison.claim.label, comparison.claim.unit), "log": False},
         "series": series,
         "marks": [],
     }
 
 
-def draw_run(case: str, times: Floats, values: Floats, one: Comparison) -> dict[str, Any]:
+def draw_run(case: str, times: Floats, values: Floats, comparison: Comparison) -> dict[str, Any]:
     """Returns a chart of the run that a claim is about, with marks at what was claimed and measured."""
     every = max(1, -(-len(times) // POINTS_MAX))
     return {
         "case": case,
-        "title": one.claim.label,
+        "title": comparison.claim.label,
         "x": {"label": "time [s]", "log": False},
-        "y": {"label": one.claim.expr, "log": False},
+        "y": {"label": comparison.claim.expr, "log": False},
         "series": [build_series("", times[::every], values[::every], points=False)],
-        "marks": list(build_marks(one)),
+        "marks": list(build_marks(comparison)),
     }
 
 
-def build_marks(one: Comparison) -> Iterator[dict[str, Any]]:
+def build_marks(comparison: Comparison) -> Iterator[dict[str, Any]]:
     """Yields the marks at a claim and at what was measured, on the axis that they belong to."""
-    at = "y" if one.claim.quantity in HEIGHTS else "x" if one.claim.quantity in MOMENTS else ""
+    at = "y" if comparison.claim.quantity in HEIGHTS else "x" if comparison.claim.quantity in MOMENTS else ""
     if not at:
         return
-    yield {at: float(one.measured.values[0]) / one.claim.scale, "label": "measured"}
-    if one.values is not None and one.why:
-        yield from ({at: float(value) / one.claim.scale, "label": "yours"} for value in one.values)
+    yield {at: float(comparison.measured.values[0]) / comparison.claim.scale, "label": "measured"}
+    if comparison.values is not None and comparison.why:
+        yield from ({at: float(value) / comparison.claim.scale, "label": "yours"} for value in comparison.values)
 
 
 def build_series(label: str, x: Floats, y: Floats, *, points: bool) -> dict[str, Any]:

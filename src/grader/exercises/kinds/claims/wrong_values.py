@@ -83,7 +83,7 @@ class Scene:
         """Returns the value of an expression at the begin of each run, as it is."""
         try:
             points = list_points(self.problem, self.claim)
-            return np.array([self.run(one, SAME, (expr,))[1][0, 0] for one, _ in points])
+            return np.array([self.run(experiment, SAME, (expr,))[1][0, 0] for experiment, _ in points])
         except (Unresolved, VerifyError, LabRefused, ValueError):
             return None
 
@@ -98,7 +98,7 @@ class Scene:
         exprs = tuple(quantity.expr for quantity in others)
         points = list_points(self.problem, self.claim)
         try:
-            runs = [(self.run(one, SAME, exprs), at_s) for one, at_s in points] if exprs else []
+            runs = [(self.run(experiment, SAME, exprs), at_s) for experiment, at_s in points] if exprs else []
         except (Unresolved, VerifyError, LabRefused):
             return
         for index, other in enumerate(others):
@@ -128,8 +128,8 @@ class Scene:
                 values = self.read(setup=self.write_end(before, more_s))
                 if values is not None:
                     yield values
-            if len({one for one, _ in points}) > 1:
-                yield from self.read_chain([one for one, _ in points], more_s)
+            if len({experiment for experiment, _ in points}) > 1:
+                yield from self.read_chain([experiment for experiment, _ in points], more_s)
 
     def list_earlier(self) -> Iterator[Experiment]:
         """Yields the runs of the other claims, with another set-up, that come before."""

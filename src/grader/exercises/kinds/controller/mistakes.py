@@ -100,7 +100,7 @@ def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged])
     if not is_wrong_at_once and any(is_first_alone(trial) for trial in wrong):
         return REMEMBERS
     records = [(trial, record) for trial in wrong for record in trial.judgement.outcome.list_failed()][:RECORDS_READ]
-    sentences = [sentence for one, record in records for sentence in find_sentences(parameters, one, record)]
+    sentences = [sentence for trial, record in records for sentence in find_sentences(parameters, trial, record)]
     if is_tuned:  # only what is wrong whatever the case is
         return next((candidate for candidate in sentences if candidate.endswith(DEGREES_END)), TUNED)
     if are_truth_values(judged):

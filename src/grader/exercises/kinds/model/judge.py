@@ -91,7 +91,7 @@ def require_values(problem: Problem) -> None:
 
 def judge_goal(goal: Goal, id_: str, compared: Mapping[str, Compared], *, runs: bool) -> Part:
     """Returns the finding of one goal; `runs` is whether its values are those at the end of a run."""
-    wrong = {name: one for name, one in compared.items() if one.fault}
+    wrong = {name: comparison for name, comparison in compared.items() if comparison.fault}
     wrong = dict(sorted(wrong.items(), key=lambda item: not item[1].missing))  # a name that lacks explains a number
     faults = list(dict.fromkeys(comparison.fault for comparison in wrong.values()))
     more = f"({len(faults) - FAULTS_MAX} more)" if len(faults) > FAULTS_MAX else ""
@@ -100,8 +100,8 @@ def judge_goal(goal: Goal, id_: str, compared: Mapping[str, Compared], *, runs: 
     measured, expected = (
         "; ".join(f"{name} = {write_value(value)}" for name, value in values.items() if value is not None)
         for values in (
-            {name: one.measured for name, one in shown.items()},
-            {name: one.expected for name, one in shown.items()},
+            {name: comparison.measured for name, comparison in shown.items()},
+            {name: comparison.expected for name, comparison in shown.items()},
         )
     )
     detail = f"In yours{' at the end' if runs else ''}: {measured}." if wrong and measured else ""

@@ -67,7 +67,9 @@ def find_mistake(judged: Judged, run: Callable[[Job], RunReport]) -> Mistake | N
 @cache
 def compile_codes() -> dict[str, bytes]:
     """Returns the code of the job."""
-    return {name: compile_code(getsource(one)) for name, one in (("measuring", measuring), ("matching", matching))}
+    return {
+        name: compile_code(getsource(module)) for name, module in (("measuring", measuring), ("matching", matching))
+    }
 
 
 def find_line(source: str, variant: Variant) -> int | None:

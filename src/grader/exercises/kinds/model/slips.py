@@ -59,7 +59,7 @@ def rewrite(name: str, change: Callable[[list[float]], list[float]], default: st
 def multiply(name: str, factor: float, at: int | None = None, default: str | None = None) -> Change:
     """Multiplies the numbers of an attribute, or the one at a place."""
     return rewrite(
-        name, lambda numbers: [one * factor if at in (None, i) else one for i, one in enumerate(numbers)], default
+        name, lambda numbers: [value * factor if at in (None, i) else value for i, value in enumerate(numbers)], default
     )
 
 
@@ -181,5 +181,5 @@ def shift_inertia(element: ET.Element) -> bool:
     at = read(element.get("pos", "0 0 0"))
     squared, mass = sum(value * value for value in at), float(element.get("mass", "0"))
     moments = read(element.get("diaginertia", ""))
-    shifted = [one + mass * (squared - r * r) for one, r in zip(moments, at, strict=True)]
+    shifted = [value + mass * (squared - r * r) for value, r in zip(moments, at, strict=True)]
     return put("diaginertia", write(shifted))(element)

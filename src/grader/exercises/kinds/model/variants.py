@@ -153,14 +153,14 @@ def vary_options(reference: Reference) -> Iterator[Variant]:
             yield from reference.edit(put_into("option", "gravity", value), [reference.root], said)
     elif options:
         yield from reference.edit(negate("gravity"), options, "Gravity points the other way.")
-    for one in options:
-        for name in one.attrib:
+    for element in options:
+        for name in element.attrib:
             said = f"The option {name} is missing, so that MuJoCo's default holds."
-            yield from reference.edit(drop(name), [one], said)
+            yield from reference.edit(drop(name), [element], said)
     yield from reference.edit(multiply("timestep", 1000), options, "The timestep is in milliseconds: MuJoCo's is in s.")
-    for one in reference.find("flag"):
-        for name in one.attrib:
-            yield from reference.edit(drop(name), [one], f"The flag {name} is missing.")
+    for element in reference.find("flag"):
+        for name in element.attrib:
+            yield from reference.edit(drop(name), [element], f"The flag {name} is missing.")
 
 
 def vary_joints(reference: Reference) -> Iterator[Variant]:
@@ -273,9 +273,9 @@ def vary_actuators(reference: Reference) -> Iterator[Variant]:
             for actuator in actuators
             if actuator.tag in ("motor", "position", "velocity") and actuator.tag != tag
         ]
-        for one in others:
-            said = f"{reference.label(one)} is a <{tag}>, where a <{one.tag}> was asked for."
-            yield from reference.edit(become(tag), [one], said[0].upper() + said[1:])
+        for element in others:
+            said = f"{reference.label(element)} is a <{tag}>, where a <{element.tag}> was asked for."
+            yield from reference.edit(become(tag), [element], said[0].upper() + said[1:])
     yield from reference.edit_each(
         put("ctrllimited", "false", beside="ctrlrange"), actuators,
         "The ctrlrange of {} is not in force. Leave out ctrllimited=\"false\".",

@@ -23,19 +23,20 @@ VIEWS = of_script(lambda script: script.has_view("qpos", "qvel", "qacc", "act_do
 CLAIMS: tuple[Claim, ...] = build_claims([
     (rf"(?:mj_forward is called|[Yy]ou call mj_forward) {COUNT}\b", count_calls),
     (rf"(?:All )?\b(?i:{COUNT}) calls of mj_forward find", count_calls),
-    (r"v aliases data\.qvel, so copy it \(data\.qvel\.copy\(\)\)", of_script(lambda one: one.has_alias("qvel")),
+    (r"v aliases data\.qvel, so copy it \(data\.qvel\.copy\(\)\)", of_script(lambda script: script.has_alias("qvel")),
      "keep the velocity at the start of the step, and add to that in every stage and at the end"),
     (r"q and v alias data\.qpos and data\.qvel, so copy them at the start of the step \(data\.qpos\.copy\(\)\);",
-     of_script(lambda one: one.has_alias("qpos") or one.has_alias("qvel")),
+     of_script(lambda script: script.has_alias("qpos") or script.has_alias("qvel")),
      "keep copies of both from the start of the step, and add to these;"),
     (r"data\.act_dot is a view that the next mj_forward overwrites, so copy it", VIEWS,
      "keep the four, each as it was at its stage, and use their weighted mean"),
     (r"(All slopes equal the last one): data\.qvel and data\.qacc are views .*?, so copy them", VIEWS,
      r"\1: keep the four, each as it was at its stage, and use their weighted mean"),
-    (r"their two sums are one array, as after .*? Make an array for each", of_script(lambda one: one.has_shared_name),
+    (r"their two sums are one array, as after .*? Make an array for each",
+     of_script(lambda script: script.has_shared_name),
      "positions change by the weighted mean of the velocities, velocities by that of the accelerations"),
     (r": go on with the loop over the joints after it \(no break or return in the loop\), and read",
-     of_script(lambda one: one.has_loop), ": move all of them, and read"),
+     of_script(lambda script: script.has_loop), ": move all of them, and read"),
 ])  # fmt: skip
 
 

@@ -127,12 +127,12 @@ def explain_wrong_bisection(observed: Observation) -> str | None:
     if any(RIGHT.follow(middles, shortest_s, longest_s) for middles in tried):
         return None
     found = [
-        (one, ends)
-        for one, middles in product(MUTANTS, tried)
-        if (ends := one.follow(middles, shortest_s, longest_s)) is not None
+        (bisection, ends)
+        for bisection, middles in product(MUTANTS, tried)
+        if (ends := bisection.follow(middles, shortest_s, longest_s)) is not None
     ]
     if len(found) > 1:
-        found = [(one, ends) for one, ends in found if list(ends) == claim.numbers] or found
+        found = [(bisection, ends) for bisection, ends in found if list(ends) == claim.numbers] or found
     return found[0][0].sentence if len(found) == 1 else AGAIN if found else None
 
 

@@ -52,7 +52,7 @@ def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[JudgedTri
         for trial in judged
     ]
     wrong = [claim for claim in claims if not claim[2].judgement.passed]
-    seen = [one for _, _, one in wrong]
+    seen = [trial for _, _, trial in wrong]
     if repeats_earlier_find(judged, seen):
         return FOUND_EARLIER
 

@@ -57,7 +57,7 @@ class Observation:
     @property
     def runs_before_falls(self) -> list[Run]:
         """The runs after which the search went on at a smaller timestep: it took them for unstable."""
-        return [one for one, other in pairwise(self.search.runs) if other.timestep_s < one.timestep_s * (1 - CLOSE)]
+        return [run for run, other in pairwise(self.search.runs) if other.timestep_s < run.timestep_s * (1 - CLOSE)]
 
     @cached_property
     def last_bracket(self) -> Bracket | None:

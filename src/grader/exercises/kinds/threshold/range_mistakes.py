@@ -144,8 +144,8 @@ def explain_list_indices(observed: Observation) -> str | None:
 def explain_upward_search(observed: Observation) -> str | None:
     """Returns the sentence where the search goes on upwards from unstable timesteps."""
     runs = observed.search.runs
-    pairs = [(one, other) for one, other in pairwise(runs) if one.warnings and other.timestep_s != one.timestep_s]
-    upwards = sum(other.timestep_s > one.timestep_s for one, other in pairs)
+    pairs = [(run, other) for run, other in pairwise(runs) if run.warnings and other.timestep_s != run.timestep_s]
+    upwards = sum(other.timestep_s > run.timestep_s for run, other in pairs)
     if upwards < 3 or upwards < len(pairs) - 1 or not isinstance(observed.claim, Bracket):
         return None
     return (
@@ -204,7 +204,7 @@ def explain_rounded_ends(observed: Observation) -> str | None:
     if not isinstance(observed.claim, Bracket) or bracket is None:
         return None
     ends = (bracket.low, bracket.high) if observed.claim.number is None else ((bracket.low + bracket.high) / 2,)
-    if all(abs(one - end) <= CLOSE * end for one, end in zip(ends, observed.claim.numbers, strict=True)):
+    if all(abs(value - end) <= CLOSE * end for value, end in zip(ends, observed.claim.numbers, strict=True)):
         return None
     for decimals in ROUNDED_DECIMALS:
         if [round(value, decimals) for value in ends] == observed.claim.numbers:

@@ -75,7 +75,8 @@ CLAIMS: tuple[Claim, ...] = build_claims([
     (r": the model that you step is not one whose timestep you set\. Set opt\.timestep on the very model .*? mj_step",
      of_script(lambda script: script.find_write("timestep")),
      ", that of the model itself, and nothing in your script sets model.opt.timestep. Set it before each run"),
-    (r"never reset it, so that each run goes on where the last one ended", of_script(lambda one: not begins_again(one)),
+    (r"never reset it, so that each run goes on where the last one ended",
+     of_script(lambda script: not begins_again(script)),
      "never call mujoco.mj_resetData, so that what you do not set yourself stays as the last run left it"),
     (r"never reset it\.", of_script(lambda script: not begins_again(script)), "never call mujoco.mj_resetData."),
 ])  # fmt: skip

@@ -60,4 +60,4 @@ def measure_deviation(result: Result, row: Mapping[str, Any]) -> float | None:
     if got is None or right is None or len(got) != len(right):
         return None
     allowed = result.atol + result.rtol * max(map(abs, right))
-    return max(abs(one - other) for one, other in zip(got, right, strict=True)) / allowed if allowed else None
+    return max(abs(value - other) for value, other in zip(got, right, strict=True)) / allowed if allowed else None

@@ -40,7 +40,7 @@ def rehearse_residual(problem: Problem, call: Call, shapes: Sequence[tuple[int, 
         if rest is None or rest.size:
             return
         why = "gives no numbers, so that nothing is judged"
-    named = ", ".join(f"{one.name} {shape}" for one, shape in zip(problem.function.results, shapes, strict=True))
+    named = ", ".join(f"{result.name} {shape}" for result, shape in zip(problem.function.results, shapes, strict=True))
     assert problem.function.residual is not None
     raise ValueError(f"{problem.function.residual.function} {why}, for results of the shapes {named}: declare `shape`")
 

@@ -165,7 +165,7 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
         findings, slips = [finding for finding, _ in graded], [slip for _, slip in graded]
         wrong = [pair for pair, finding in zip(pairs, findings, strict=True) if not finding.passed]
         mistake = _exchange(wrong, answer) or _mistake(
-            [(one.title, slip) for one, slip in zip(findings, slips, strict=True) if not one.passed]
+            [(finding.title, slip) for finding, slip in zip(findings, slips, strict=True) if not finding.passed]
         )
         return verdict_of(
             tuple(findings if mistake else map(_with_slip, findings, slips)),

@@ -66,9 +66,9 @@ def compare(ours: Results, theirs: Results) -> Iterator[str]:
         )
     numbers, those = dict(list_others(ours)), dict(list_others(theirs))
     differences = {
-        name: abs(those[name] - one) / max(abs(one), abs(those[name]))
-        for name, one in numbers.items()
-        if name in those and one != those[name]
+        name: abs(those[name] - value) / max(abs(value), abs(those[name]))
+        for name, value in numbers.items()
+        if name in those and value != those[name]
     }
     far = max(differences, key=lambda name: differences[name], default="")
     yield f"  {len(numbers.keys() & those)} other numbers: {len(differences)} differ" + (

@@ -156,14 +156,16 @@ def find_answers(
         return submissions.page(session, chosen.wanted(who), after, ROWS + 1), {}
     if chosen.which == DIFFER:
         wanted = replace(chosen.wanted(who), user=None)  # a name would tell whose answers they are
-        return [one for one, _ in stored.disagreements(session, wanted, after, ROWS + 1)], {}
+        return [submission for submission, _ in stored.disagreements(session, wanted, after, ROWS + 1)], {}
     waiting = stored.page(session, chosen.queue(desk, session, who), after, ROWS + 1, now())
-    return [one for one, _ in waiting], {one.id: claim for one, claim in waiting if claim is not None}
+    return [submission for submission, _ in waiting], {
+        submission.id: claim for submission, claim in waiting if claim is not None
+    }
 
 
-def name_learner(one: Submission, names: Mapping[str, str], marks: Mapping[str, str]) -> str:
+def name_learner(submission: Submission, names: Mapping[str, str], marks: Mapping[str, str]) -> str:
     """Whose answer it is: a pseudonym of `names`, or the name with its mark."""
-    return names[one.id] if one.id in names else marked(one.user, one.learner, marks)
+    return names[submission.id] if submission.id in names else marked(submission.user, submission.learner, marks)
 
 
 def name_holder(claim: ReviewClaim | None, who: Identity) -> tuple[str, bool]:
@@ -172,19 +174,21 @@ def name_holder(claim: ReviewClaim | None, who: Identity) -> tuple[str, bool]:
 
 
 def make_row(
-    one: Submission, verdict: Any, learner: str, titles: Mapping[tuple[str, str], str], held: tuple[str, bool]
+    submission: Submission, verdict: Any, learner: str, titles: Mapping[tuple[str, str], str], held: tuple[str, bool]
 ) -> Row:
     """Returns one answer in words. What waits for a person has no points yet."""
     decided = verdict is not None and verdict["status"] != Status.NEEDS_REVIEW
-    badge = describe_status(verdict["status"]) if verdict else RUNNING if one.status == submissions.RUNNING else QUEUED
+    waiting = RUNNING if submission.status == submissions.RUNNING else QUEUED
+    badge = describe_status(verdict["status"]) if verdict else waiting
+    title = titles.get((submission.quiz, submission.question), submission.question)
     return Row(
-        one.id, learner, one.quiz, titles.get((one.quiz, one.question), one.question), shorten_answer(one),
-        format_day(one.created_at), span((now() - one.created_at).total_seconds()), badge,
-        (verdict["points"], verdict["max_points"]) if decided else None, *held, one.status == NEEDS_REVIEW,
+        submission.id, learner, submission.quiz, title, shorten_answer(submission),
+        format_day(submission.created_at), span((now() - submission.created_at).total_seconds()), badge,
+        (verdict["points"], verdict["max_points"]) if decided else None, *held, submission.status == NEEDS_REVIEW,
     )  # fmt: skip
 
 
-def shorten_answer(one: Submission) -> str:
+def shorten_answer(submission: Submission) -> str:
     """Returns the first words of an answer in words; nothing of any other."""
-    answer = json.loads(one.answer) if one.answer else None
+    answer = json.loads(submission.answer) if submission.answer else None
     return textwrap.shorten(answer, EXCERPT, placeholder="…") if isinstance(answer, str) else ""

@@ -187,7 +187,9 @@ def explain_missing_slope(reading: Reading) -> str | None:
         return None
     for row in range(2, reading.calls + 1):
         for what, states in parts.items():
-            shares = [(one[row] - one[0]) / step.timestep_s for one, step in zip(states, reading.steps, strict=True)]
+            shares = [
+                (array[row] - array[0]) / step.timestep_s for array, step in zip(states, reading.steps, strict=True)
+            ]
             share = shares[0][0]
             if abs(share) > CUT_ATOL and all(np.allclose(known, share, rtol=0, atol=CUT_ATOL) for known in shares):
                 return (
@@ -265,8 +267,8 @@ def explain_stale_variables(reading: Reading) -> str | None:
     if reading.calls < 2 or len(steps) < 2:
         return None
     elsewhere = [step for step in steps if not begins_at(step, step, 0)]
-    pairs = ((one, other) for one in elsewhere for other in steps if other is not one)
-    if any(begins_at(one, other, row) for one, other in pairs for row in (0, -1)):
+    pairs = ((step, other) for step in elsewhere for other in steps if other is not step)
+    if any(begins_at(step, other, row) for step, other in pairs for row in (0, -1)):
         return (
             "Your step does not begin at the state in data, but at one that an earlier call has left in a variable "
             "outside of the function: copy data.qpos, data.qvel, data.act and data.time at the start of every call."

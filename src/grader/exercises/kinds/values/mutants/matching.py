@@ -93,7 +93,9 @@ class Edited:
 @cache
 def compile_codes() -> Mapping[str, bytes]:
     """Returns the code of the job."""
-    return {name: compile_code(getsource(one)) for name, one in (("edits", edits), ("kind", driver), ("bench", bench))}
+    return {
+        name: compile_code(getsource(module)) for name, module in (("edits", edits), ("kind", driver), ("bench", bench))
+    }
 
 
 @cache
