@@ -170,15 +170,15 @@ def _write_numbers(xml: str, written: tuple[tuple[str, Number, float], ...]) -> 
     except ET.ParseError as error:
         raise ValueError(f"the model is not XML: {error}") from error
     for name, number, value in written:
-        found = find_elements(root, name, number)
-        if not found:
+        elements = find_elements(root, name, number)
+        if not elements:
             raise WrongParameter(
                 f"numbers.{name}.element", f"the model has no element {number.element}: correct the path"
             )
-        if fixed := next((element.tag for element in found if element.tag in SIZING), None):
+        if fixed := next((element.tag for element in elements if element.tag in SIZING), None):
             why = f"a number may not change a <{fixed}>, which decides how large the model is: write a case for each"
             raise WrongParameter(f"numbers.{name}.element", why)
-        for element in found:
+        for element in elements:
             element.set(number.attribute, number.text.format(repr(float(value))))
     return ET.tostring(root, encoding="unicode")
 

@@ -32,14 +32,14 @@ def find_span(source: str, line: int) -> Span | None:
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         return None
     lines = source.splitlines()
-    found = [
+    statements = [
         node
         for node in ast.walk(tree)
         if isinstance(node, ast.stmt) and node.lineno <= line <= (node.end_lineno or node.lineno)
     ]
-    if not found:
+    if not statements:
         return None
-    node = max(found, key=lambda one: (one.lineno, -(one.end_lineno or 0)))
+    node = max(statements, key=lambda one: (one.lineno, -(one.end_lineno or 0)))
     if hasattr(node, "body"):  # its whole text would be too much to mark
         if node.lineno != line:
             return None

@@ -40,17 +40,17 @@ AnyLabKind = LabKind[Any, Any]
 def lab_kinds() -> Mapping[str, AnyLabKind]:
     """Returns every installed kind by each of its names, in the order of the names of the entry points. Raises
     PluginError if two kinds claim one name, or if a kind cannot be loaded or is not whole."""
-    found: dict[str, AnyLabKind] = {}
+    kinds: dict[str, AnyLabKind] = {}
     for point in sorted(find_points(GROUP)):
         kind = load_lab_kind(point)
         for name in kind.names:
-            if name in found:
+            if name in kinds:
                 what = f"two installed kinds of lab are called {name!r}, one of them in {point.value}"
                 raise PluginError(f"{what}: remove one")
-            found[name] = kind
-    if DEFAULT not in found:
+            kinds[name] = kind
+    if DEFAULT not in kinds:
         raise PluginError(f"the kind of lab {DEFAULT!r} is not installed: install the grader again (`make install`)")
-    return found
+    return kinds
 
 
 def load_lab_kind(point: EntryPoint) -> AnyLabKind:

@@ -26,7 +26,7 @@ FILES_MAX = 2000
 
 def read_media(root: Path) -> tuple[dict[str, Media], list[Fault], list[Fault]]:
     """Returns what is served below images/ and files/, by path, faults, and remarks on files that are not served."""
-    found: dict[str, Media] = {}
+    files: dict[str, Media] = {}
     faults: list[Fault] = []
     names = [name for folder in FOLDERS for name in list_files(root, folder, "**/*") if not (root / name).is_dir()]
     unserved = [name for name in names if not is_served(name)]
@@ -39,14 +39,14 @@ def read_media(root: Path) -> tuple[dict[str, Media], list[Fault], list[Fault]]:
             faults.append(body)
             continue
         left -= len(body)
-        if left < 0 or len(found) == FILES_MAX:
+        if left < 0 or len(files) == FILES_MAX:
             why = f"is over the limit of images/ and files/: {FILES_MAX} files, {FOLDER_BYTES_MAX >> 20} MB"
-            return found, [*faults, Fault(name, "size", why)], remarks
+            return files, [*faults, Fault(name, "size", why)], remarks
         try:
-            found[name] = Media(name, find_type(name, body), body)
+            files[name] = Media(name, find_type(name, body), body)
         except ValueError as error:
             faults.append(Fault(name, "type", str(error)))
-    return found, faults, remarks
+    return files, faults, remarks
 
 
 def place_media(value: Any, media: Mapping[str, Media]) -> Any:
@@ -72,8 +72,8 @@ def find_named_media(value: Any, media: Mapping[str, Media]) -> dict[str, Media]
     named: dict[str, Media] = {}
 
     def note(address: str) -> None:
-        if (found := find_named(media, address)) is not None:
-            named[found.path] = found
+        if (file := find_named(media, address)) is not None:
+            named[file.path] = file
 
     def visit(part: Any) -> None:
         if isinstance(part, str) and any(folder in part for folder in FOLDERS):

@@ -69,8 +69,8 @@ def scripts(quiz: str, question: ScriptQuestion, *, allow_t2: bool) -> list[Pack
         "QUIZ": quiz, "QUESTION": question.id, "SUFFIXES": suffixes, "GRADER_ALLOW_T2": str(allow_t2).lower()
     }  # fmt: skip
     said = "".join(f"{name}={shlex.quote(value)}\n" for name, value in values.items())
-    found = [Packed(path.name, path.read_bytes(), EXECUTABLE) for path in sorted(SCRIPTS.iterdir()) if path.is_file()]
-    return [*found, Packed("exercise.sh", said.encode())]
+    members = [Packed(path.name, path.read_bytes(), EXECUTABLE) for path in sorted(SCRIPTS.iterdir()) if path.is_file()]
+    return [*members, Packed("exercise.sh", said.encode())]
 
 
 def content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packed]:

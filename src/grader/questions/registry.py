@@ -29,16 +29,16 @@ AnyKind = QuestionKind[Any, Any]
 def installed_kinds() -> Mapping[str, AnyKind]:
     """Returns every installed kind by each of its names, in the order of the names of the entry points. Raises
     PluginError if two kinds claim one name, or if a kind cannot be loaded or is not whole."""
-    found: dict[str, AnyKind] = {}
+    kinds: dict[str, AnyKind] = {}
     for point in sorted(find_points(GROUP)):
         kind = load_kind(point)
         for name in kind.names:
-            if name in found:
+            if name in kinds:
                 raise PluginError(f"two installed kinds are called {name!r}, one of them in {point.value}: remove one")
-            found[name] = kind
-    if not found:
+            kinds[name] = kind
+    if not kinds:
         raise PluginError("no kind of question is installed: install the grader again, such as with `make install`")
-    return found
+    return kinds
 
 
 def load_kind(point: EntryPoint) -> AnyKind:

@@ -53,10 +53,10 @@ def lease(session: Session, place: Place, lasting: timedelta) -> Lease:
     dialect = {"sqlite": sqlite, "postgresql": postgresql}[session.get_bind().dialect.name]
     row = {"id": place.id, "container": place.container, "resource": place.resource}
     session.execute(dialect.insert(LineItem).values(row).on_conflict_do_nothing())
-    found = session.scalars(select(LineItem).where(LineItem.id == place.id).with_for_update()).one()
-    if found.url is not None or (found.leased_until is not None and found.leased_until > now()):
-        return Lease(found.url, is_ours=False)
-    found.leased_until = now() + lasting
+    line_item = session.scalars(select(LineItem).where(LineItem.id == place.id).with_for_update()).one()
+    if line_item.url is not None or (line_item.leased_until is not None and line_item.leased_until > now()):
+        return Lease(line_item.url, is_ours=False)
+    line_item.leased_until = now() + lasting
     return Lease(None, is_ours=True)
 
 

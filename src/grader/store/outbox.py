@@ -267,8 +267,8 @@ def page(
 ) -> Sequence[tuple[Delivery, str]]:
     """At most `limit` rows after an id, in the order of ids, each with the kind of its destination."""
     rows = select(Delivery, Destination.kind).join(Destination, Destination.id == Delivery.destination)
-    found = session.execute(rows.where(*where, Delivery.id > after).order_by(Delivery.id).limit(limit))
-    return [(row, kind) for row, kind in found]
+    result = session.execute(rows.where(*where, Delivery.id > after).order_by(Delivery.id).limit(limit))
+    return [(row, kind) for row, kind in result]
 
 
 def every(session: Session, state: str, course: str | None) -> Iterator[tuple[Delivery, str]]:

@@ -239,9 +239,9 @@ def place_of_review(session: Session, context: int, link_id: str, line_item_url:
     where neither is known."""
     links = select(ResourceLink).where(ResourceLink.context == context, ResourceLink.quiz.is_not(None))
     for same in (ResourceLink.link_id == link_id, ResourceLink.line_item_url == (line_item_url or None)):
-        found = session.scalar(links.where(same).limit(1))
-        if found is not None:
-            return found.quiz, found.question
+        link = session.scalar(links.where(same).limit(1))
+        if link is not None:
+            return link.quiz, link.question
     containers = select(ResourceLink.line_items_url).where(ResourceLink.context == context)
     made = select(LineItem.resource).where(LineItem.url == line_item_url, LineItem.container.in_(containers))
     quiz, _, question = (session.scalar(made.limit(1)) or "").partition("/")

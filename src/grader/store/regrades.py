@@ -106,8 +106,8 @@ def add(session: Session, regrade: Regrade, items: list[dict[str, Any]]) -> None
 
 def find(session: Session, regrade_id: str, course: str) -> Regrade | None:
     """The regrade, if the course has it."""
-    found = session.get(Regrade, regrade_id)
-    return found if found is not None and found.course == course else None
+    regrade = session.get(Regrade, regrade_id)
+    return regrade if regrade is not None and regrade.course == course else None
 
 
 def locked(session: Session, regrade_id: str) -> Regrade:

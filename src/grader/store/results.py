@@ -362,5 +362,5 @@ def feed(session: Session, course: str, after: int, limit: int) -> list[tuple[Re
         .outerjoin(Member, Member.id == ResultRevision.learner)
     )
     later = rows.where(ResultRevision.course == course, ResultRevision.position > after)
-    found = session.execute(later.order_by(ResultRevision.position).limit(limit))
-    return [(row, name, member) for row, name, member in found]
+    result = session.execute(later.order_by(ResultRevision.position).limit(limit))
+    return [(row, name, member) for row, name, member in result]

@@ -187,13 +187,13 @@ class CaseProgress:
 
 def case_of(event: Event | None) -> CaseProgress | None:
     """How far the script is that an event tells of; None for other events."""
-    found = None if event is None else AT_CASE.fullmatch(event.name)
-    if found is None:
+    match = None if event is None else AT_CASE.fullmatch(event.name)
+    if match is None:
         return None
-    if found[1]:
-        return CaseProgress(int(found[1]), int(found[2]))
-    within = TrialProgress(int(found[6]), int(found[7]), "episode" if found[5] == "ep" else "s")
-    return CaseProgress(int(found[3]), int(found[4]), within)
+    if match[1]:
+        return CaseProgress(int(match[1]), int(match[2]))
+    within = TrialProgress(int(match[6]), int(match[7]), "episode" if match[5] == "ep" else "s")
+    return CaseProgress(int(match[3]), int(match[4]), within)
 
 
 def page(session: Session, wanted: SubmissionFilter, before: str | None, limit: int) -> Sequence[Submission]:
@@ -337,8 +337,8 @@ BODIES = (
 
 def verdicts_of(session: Session, ids: Iterable[str]) -> dict[str, Any]:
     """As `verdicts`, for the ids of submissions."""
-    found = session.execute(BODIES, {"ids": list(ids)})
-    return {submission_id: json.loads(body) for submission_id, body in found}
+    result = session.execute(BODIES, {"ids": list(ids)})
+    return {submission_id: json.loads(body) for submission_id, body in result}
 
 
 def last_marks(session: Session, submissions: Iterable[Submission]) -> dict[str, tuple[Mark, Mark]]:

@@ -122,8 +122,8 @@ def delete_webhook(webhook_id: str, who: Staff, services: AppServices) -> None:
 def rotate_webhook_secret(webhook_id: str, who: Staff, services: AppServices) -> dict[str, Any]:
     """Gives a webhook a new secret, shown this once. For a day messages bear signatures of both."""
     with services.database.write() as session:
-        found = webhooks.rotate(session, who, webhook_id)
-        return webhook_view(found) | {"secret": found.secret}
+        destination = webhooks.rotate(session, who, webhook_id)
+        return webhook_view(destination) | {"secret": destination.secret}
 
 
 @router.post("/webhooks/{webhook_id}:enable", response_model=WebhookView, responses=refusals(401, 403, 404, 422, 429))
@@ -164,10 +164,10 @@ def replay_delivery(delivery_id: str, who: Staff, services: AppServices) -> dict
         return delivery_view(row, session.get_one(Destination, row.destination).kind)
 
 
-def webhook_view(found: Destination) -> dict[str, Any]:
+def webhook_view(destination: Destination) -> dict[str, Any]:
     """A webhook as plain JSON."""
     names = ("id", "url", "created_by", "created_at", "disabled_at", "why_disabled")
-    return {name: getattr(found, name) for name in names} | {"old_secret_until": found.old_until}
+    return {name: getattr(destination, name) for name in names} | {"old_secret_until": destination.old_until}
 
 
 def delivery_view(row: Delivery, kind: str) -> dict[str, Any]:

@@ -66,9 +66,9 @@ def learner_of(session: Session, body: ExtensionBody, who: Identity) -> Member:
     token extends students alone, and brings back nobody who was removed."""
     if body.learner is None:
         return named(session, body.user or "", Role.STUDENT, who.course, by=who)
-    if found := people.get(session, body.learner, who.course):
-        require_reach(who, found.role)
-        return found
+    if member := people.get(session, body.learner, who.course):
+        require_reach(who, member.role)
+        return member
     raise NotFound("There is no such member.")
 
 

@@ -74,25 +74,25 @@ def propose_for_number(key: NumberKey, scenes: Sequence[LabScene], model_xml: Mo
     """Returns the most specific candidate under which the key is certified, else the nearest of those that fit best and
     tell something; None without any."""
     asked = read_question(text)
-    found = [candidate for scene in scenes for candidate in list_candidates(key, asked, scene, model_xml)]
-    if not found:
+    candidates = [candidate for scene in scenes for candidate in list_candidates(key, asked, scene, model_xml)]
+    if not candidates:
         return None
-    found.sort(key=lambda one: -one.rank)
-    near = [candidate for candidate in found if abs(candidate.value - key.answer) <= NEAR * key.tolerance]
+    candidates.sort(key=lambda one: -one.rank)
+    near = [candidate for candidate in candidates if abs(candidate.value - key.answer) <= NEAR * key.tolerance]
     last = thread_time() + CPU_S_MAX
     for one in near[:TRIED_MAX]:
-        proposal = propose_certified(key, one, model_xml, len(found), len(near) - 1)
+        proposal = propose_certified(key, one, model_xml, len(candidates), len(near) - 1)
         if proposal is not None:
             return proposal
         if thread_time() > last:
             break
-    fits_best = [candidate for candidate in found if candidate.rank == found[0].rank]
+    fits_best = [candidate for candidate in candidates if candidate.rank == candidates[0].rank]
     nearest = min(fits_best, key=lambda candidate: measure_distance(candidate.value, key.answer))
     agrees = abs(nearest.value - key.answer) <= key.tolerance
     caution = ", which simulation does not know to a fifth of the tolerance" if agrees else ""
     if not nearest.is_telling:
         return None
-    return build_proposal(key, nearest, len(found), caution, holds=False)
+    return build_proposal(key, nearest, len(candidates), caution, holds=False)
 
 
 def propose_certified(

@@ -53,11 +53,11 @@ def propose_for_option(key: OptionKey, scenes: Sequence[LabScene], model_xml: Mo
         return None
     asked = read_question(text)
     try:
-        found = sorted(list_candidates(key, asked, own, text), key=lambda candidate: -candidate.rank)
+        candidates = sorted(list_candidates(key, asked, own, text), key=lambda candidate: -candidate.rank)
     except BROKEN:
         return None
     decided: list[tuple[Candidate, int, bool]] = []
-    for one in found[:TRIED_MAX]:
+    for one in candidates[:TRIED_MAX]:
         certificate = certify_with(key, one.verify, model_xml)
         if certificate is not None and isinstance(certificate.answer, int):
             decided.append((one, certificate.answer, certificate.ok))

@@ -126,21 +126,21 @@ def read_words(text: str) -> frozenset[str]:
 
 def list_amounts(plain: str) -> list[Amount]:
     """Returns the numbers of a text, with the units that follow them."""
-    found = []
+    amounts = []
     for match in AMOUNT.finditer(plain):
         unit = known_unit(match[2].rstrip(".")) if match[2] else None
         is_width = bool(WITHIN.search(plain[: match.start()]))
-        found.append(Amount(float(match[1].replace("−", "-")), unit, is_width))
-    return found
+        amounts.append(Amount(float(match[1].replace("−", "-")), unit, is_width))
+    return amounts
 
 
 def read_amount(option: str) -> Amount | None:
     """Returns the one number of an option, also one in words; None where it has none or several."""
     plain = plain_text(option)
-    found = list_amounts(plain)
-    if not found and (count := COUNT.search(plain)):
+    amounts = list_amounts(plain)
+    if not amounts and (count := COUNT.search(plain)):
         return Amount(COUNTS[count[1].casefold()], None)
-    return found[0] if len(found) == 1 else None
+    return amounts[0] if len(amounts) == 1 else None
 
 
 def read_way(text: str) -> Way | None:

@@ -67,8 +67,8 @@ def other_roles(some: Sequence[Member]) -> str:
 
 def known(session: Session, name: str, course: str) -> bool:
     """Whether an instructor or operator has made a member of this name, who is still there. Raises Unprocessable."""
-    found = people.with_account(session, course, f"name:{checked_name('user', name)}")
-    return found is not None and found.removed_at is None
+    member = people.with_account(session, course, f"name:{checked_name('user', name)}")
+    return member is not None and member.removed_at is None
 
 
 def with_account(session: Session, account: str, name: str, role: Role, course: str) -> Member:

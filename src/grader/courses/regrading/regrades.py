@@ -99,10 +99,10 @@ def cancel(session: Session, who: Identity, regrade_id: str) -> Regrade:
 
 def get(session: Session, regrade_id: str, course: str) -> Regrade:
     """Returns the regrade. Raises NotFound."""
-    found = regrades.find(session, regrade_id, course) if regrade_id.isalnum() else None
-    if found is None:
+    regrade = regrades.find(session, regrade_id, course) if regrade_id.isalnum() else None
+    if regrade is None:
         raise NotFound("There is no such regrade.")
-    return found
+    return regrade
 
 
 def choose(

@@ -85,14 +85,14 @@ def drop_gains(tries: Sequence[Try]) -> Sequence[Try]:
 
 def select_stuck(runs: Iterable[Sequence[Try]], verdicts: Mapping[str, Any]) -> list[Stuck]:
     """Returns the runs whose last `ATTEMPTS_MIN` attempts have one diagnosis, the longest first. Pure."""
-    found = []
+    learners = []
     for run in runs:
         diagnoses = {verdicts[attempt.submission]["diagnosis"] for attempt in run[-ATTEMPTS_MIN:]}
         if len(diagnoses) == 1 and (diagnosis := diagnoses.pop()):
             newest = run[-1]
             at = (newest.learner, newest.name, newest.quiz, newest.question)
-            found.append(Stuck(*at, len(run), diagnosis, newest.created_at))
-    return sorted(found, key=lambda learner: (-learner.attempts, learner.last, learner.name))
+            learners.append(Stuck(*at, len(run), diagnosis, newest.created_at))
+    return sorted(learners, key=lambda learner: (-learner.attempts, learner.last, learner.name))
 
 
 def find_shared_mistakes(session: Session, course: str) -> list[SharedMistake]:

@@ -50,11 +50,11 @@ def write_comment(
 
 def delete_comment(session: Session, who: Identity, comment_id: str, submission_id: str) -> None:
     """Deletes a comment on a script of the instructor's course. Raises NotFound."""
-    found = line_comments.find(session, comment_id, who.course) if who.is_instructor else None
-    if found is None or found.submission_id != submission_id:
+    comment = line_comments.find(session, comment_id, who.course) if who.is_instructor else None
+    if comment is None or comment.submission_id != submission_id:
         raise NotFound("There is no such comment.")
-    session.delete(found)
-    record(session, who, who.course, Action.LINE_COMMENT_DELETED, submission_id, line=found.line)
+    session.delete(comment)
+    record(session, who, who.course, Action.LINE_COMMENT_DELETED, submission_id, line=comment.line)
 
 
 def read_source(row: Submission) -> str:

@@ -49,10 +49,10 @@ def claim(session: Session, who: Identity, submission: Submission, *, second: bo
 
 def next_to_claim(session: Session, queue: Queue, who: Identity) -> Submission:
     """Returns the submission that has waited longest for a claim. Raises NotFound."""
-    found = reviews.oldest(session, queue, who.id, now())
-    if found is None:
+    submission = reviews.oldest(session, queue, who.id, now())
+    if submission is None:
         raise NotFound("No submission needs a review here.")
-    return found
+    return submission
 
 
 def prolong(session: Session, who: Identity, submission: Submission) -> ReviewClaim:

@@ -122,6 +122,6 @@ def find_cure(sentence: str) -> str:
     """Returns what a sentence on a mistake says after its first clause: how it is mended. Empty where it ends there,
     and for an error, whose sentence is about the words of one script."""
     said = drop_place(sentence)
-    found = None if OF_ONE_SCRIPT.search(sentence) else CLAUSE.search(said)
-    rest = "" if found is None else said[found.end() :].strip()
+    match = None if OF_ONE_SCRIPT.search(sentence) else CLAUSE.search(said)
+    rest = "" if match is None else said[match.end() :].strip()
     return rest[:1].upper() + rest[1:] if len(rest) > 1 else ""

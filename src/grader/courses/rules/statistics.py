@@ -294,8 +294,8 @@ def clusters_of(values: Iterable[float], tolerance: float | None = None) -> tupl
             groups[-1].append(value)
         else:
             groups.append([value])
-    found = [Cluster(median(group), group[0], group[-1], len(group)) for group in groups if len(group) > 1]
-    return tuple(sorted(found, key=lambda cluster: (-cluster.learners, cluster.value)))
+    clusters = [Cluster(median(group), group[0], group[-1], len(group)) for group in groups if len(group) > 1]
+    return tuple(sorted(clusters, key=lambda cluster: (-cluster.learners, cluster.value)))
 
 
 def _width(value: float, tolerance: float | None) -> float:

@@ -95,8 +95,8 @@ def replay_all(session: Session, who: Identity | None, destination_id: str, cour
 def revive(session: Session, rows: Sequence[Delivery]) -> None:
     """Makes dead rows wait again. Raises Conflict if their destination is disabled."""
     for row in rows:
-        found = session.get_one(outbox.Destination, row.destination)
-        if found.disabled_at is not None:
+        destination = session.get_one(outbox.Destination, row.destination)
+        if destination.disabled_at is not None:
             raise Conflict("This webhook is disabled: enable it first.")
         row.state, row.attempts, row.error, row.next_at, row.forced = outbox.WAITING, 0, None, None, True
     session.flush()

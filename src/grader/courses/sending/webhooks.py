@@ -53,33 +53,33 @@ def create(
 
 def get(session: Session, webhook_id: str, course: str) -> Destination:
     """Returns the webhook. Raises NotFound."""
-    found = outbox.destination(session, webhook_id, course) if webhook_id.isalnum() else None
-    if found is None or found.kind != WEBHOOK:
+    destination = outbox.destination(session, webhook_id, course) if webhook_id.isalnum() else None
+    if destination is None or destination.kind != WEBHOOK:
         raise NotFound("There is no such webhook.")
-    return found
+    return destination
 
 
 def rotate(session: Session, who: Identity, webhook_id: str) -> Destination:
     """Gives a webhook a new secret; the old one signs for one more day. Raises NotFound, Unauthorized."""
     require_credential(session, who)
-    found = get(session, webhook_id, who.course)
-    found.old_secret, found.old_until = found.secret, now() + ROTATION
-    found.secret = new_secret()
-    record(session, who, who.course, Action.WEBHOOK_ROTATED, found.id)
-    return found
+    destination = get(session, webhook_id, who.course)
+    destination.old_secret, destination.old_until = destination.secret, now() + ROTATION
+    destination.secret = new_secret()
+    record(session, who, who.course, Action.WEBHOOK_ROTATED, destination.id)
+    return destination
 
 
 def enable(session: Session, who: Identity, webhook_id: str) -> Destination:
     """Delivers to a webhook again that has answered 410. Raises NotFound."""
-    found = get(session, webhook_id, who.course)
-    if found.disabled_at is not None:
-        found.disabled_at, found.why_disabled = None, None
-        record(session, who, who.course, Action.WEBHOOK_ENABLED, found.id)
-    return found
+    destination = get(session, webhook_id, who.course)
+    if destination.disabled_at is not None:
+        destination.disabled_at, destination.why_disabled = None, None
+        record(session, who, who.course, Action.WEBHOOK_ENABLED, destination.id)
+    return destination
 
 
 def delete(session: Session, who: Identity, webhook_id: str) -> None:
     """Deletes a webhook with all that waits for it. Raises NotFound."""
-    found = get(session, webhook_id, who.course)
-    record(session, who, who.course, Action.WEBHOOK_DELETED, found.id, url=found.url)
-    outbox.remove(session, found)
+    destination = get(session, webhook_id, who.course)
+    record(session, who, who.course, Action.WEBHOOK_DELETED, destination.id, url=destination.url)
+    outbox.remove(session, destination)

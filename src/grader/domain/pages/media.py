@@ -148,5 +148,5 @@ def find_named(media: Mapping[str, Media], address: str) -> Media | None:
 
 def find_address(media: Mapping[str, Media], address: str) -> str | None:
     """Returns the served address of the file that an author's address names; None where there is none."""
-    found = find_named(media, address)
-    return None if found is None else found.address
+    file = find_named(media, address)
+    return None if file is None else file.address

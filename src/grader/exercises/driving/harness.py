@@ -223,10 +223,10 @@ def account(error: BaseException, student: object, hidden: bool, *, shown: bool 
 
 def chain(error: BaseException) -> list[BaseException]:
     """Returns an exception, and those that a driver may have caught before it raised this one."""
-    found = [error]
-    while (before := found[-1].__cause__ or found[-1].__context__) is not None and len(found) < CHAIN_MAX:
-        found.append(before)
-    return found
+    errors = [error]
+    while (before := errors[-1].__cause__ or errors[-1].__context__) is not None and len(errors) < CHAIN_MAX:
+        errors.append(before)
+    return errors
 
 
 def find_place(error: BaseException) -> str:

@@ -253,12 +253,12 @@ def _list_declared(node: Node) -> list[Node]:
 
 def _list_variables(node: Node) -> list[Node]:
     """Returns the names declared with `var` anywhere in a function, which see them from its beginning."""
-    found: list[Node] = []
+    nodes: list[Node] = []
     for child in list_parts(node):
         if child.type == "variable_declaration":
-            found.extend(_list_declared(child))
+            nodes.extend(_list_declared(child))
         elif child.type == "for_in_statement" and child.children[2].type == "var":
-            found.append(get_field(child, "left"))
+            nodes.append(get_field(child, "left"))
         if child.type not in FUNCTIONS:
-            found.extend(_list_variables(child))
-    return found
+            nodes.extend(_list_variables(child))
+    return nodes

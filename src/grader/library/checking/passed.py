@@ -146,12 +146,12 @@ def digest_code() -> str:
 def list_code() -> Iterator[Path]:
     """Yields the source files of this package, and of every package that has a kind of question, exercise or lab."""
     for name in sorted({__name__.partition(".")[0], *(point.module.partition(".")[0] for point in list_points())}):
-        found = find_spec(name)
-        if found is not None and found.submodule_search_locations is not None:
-            for folder in found.submodule_search_locations:
+        spec = find_spec(name)
+        if spec is not None and spec.submodule_search_locations is not None:
+            for folder in spec.submodule_search_locations:
                 yield from list_modules(folder)
-        elif found is not None and found.origin is not None:
-            yield Path(found.origin)
+        elif spec is not None and spec.origin is not None:
+            yield Path(spec.origin)
 
 
 def list_modules(root: str) -> Iterator[Path]:

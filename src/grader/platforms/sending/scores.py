@@ -120,8 +120,8 @@ class Scores:
         """Sends a score, if the platform has none of a person's."""
         try:
             url = await self.line_items.url_of(prepared.target, prepared.label, prepared.score.maximum)
-            found = await self._result(prepared, url)
-            if found is not None and (reply := before(prepared, found)) is not None:
+            result = await self._result(prepared, url)
+            if result is not None and (reply := before(prepared, result)) is not None:
                 return reply
             return await self._post(prepared, url)
         except (Failed, CallFailed, NoToken, RefusedURL, Unreachable) as failed:
@@ -207,50 +207,50 @@ def is_contested(score: Score, sent: Score | None, tried: Sequence[Score]) -> bo
     return was_sent or len(tried) >= TRIED_MAX or not any(same) or not all(same[same.index(True) :])
 
 
-def before(prepared: Prepared, found: PlatformResult) -> Reply | None:
+def before(prepared: Prepared, result: PlatformResult) -> Reply | None:
     """Returns the reply without sending, from what the platform shows; None if the score is to be sent."""
-    if is_settled(prepared, found):
+    if is_settled(prepared, result):
         return Sent(prepared.score.to_json())
-    return Dead(overridden(found)) if is_a_persons(prepared, found) and not prepared.forced else None
+    return Dead(overridden(result)) if is_a_persons(prepared, result) and not prepared.forced else None
 
 
-def after_refusal(prepared: Prepared, found: PlatformResult | None, response: Response) -> Reply:
+def after_refusal(prepared: Prepared, result: PlatformResult | None, response: Response) -> Reply:
     """Returns the reply to a 400 or 409, which may say that the platform has something newer."""
     refusal = f"The platform answered {response.status} {response.text}".strip()
-    if found is None:
+    if result is None:
         return Dead(f"{refusal} (what it has may not be read)")
-    if is_settled(prepared, found):
+    if is_settled(prepared, result):
         return Sent(prepared.score.to_json())
-    if is_a_persons(prepared, found):
-        return Dead(overridden(found))
+    if is_a_persons(prepared, result):
+        return Dead(overridden(result))
     # Nothing newer is there: the platform's clock is ahead of ours, and a later timestamp will do.
-    is_stale = found.score is not None or response.status == HTTPStatus.CONFLICT
+    is_stale = result.score is not None or response.status == HTTPStatus.CONFLICT
     return Again(refusal) if is_stale else Dead(refusal)
 
 
-def is_settled(prepared: Prepared, found: PlatformResult) -> bool:
+def is_settled(prepared: Prepared, result: PlatformResult) -> bool:
     """Whether the platform has the final score already, for good, with its comment: it is no pending one of the same
     points, and none with another comment, either."""
     score = prepared.score
-    if prepared.is_contested or not score.is_final or found.score is None or not score.is_at(found):
+    if prepared.is_contested or not score.is_final or result.score is None or not score.is_at(result):
         return False
-    alike = [known for known in prepared.known if known.is_at(found)]
+    alike = [known for known in prepared.known if known.is_at(result)]
     has_comment = not score.comment or bool(alike)  # a person may have entered the same points
     return has_comment and all(known.is_final and known.comment == score.comment for known in alike)
 
 
-def is_a_persons(prepared: Prepared, found: PlatformResult) -> bool:
+def is_a_persons(prepared: Prepared, result: PlatformResult) -> bool:
     """Says whether a person has entered what the platform shows. A score of zero before our first one counts as none:
     platforms enter it by themselves when an answer is late."""
     ours = [prepared.score, *prepared.known]
-    is_first_zero = prepared.is_first and not found.score
-    return found.score is not None and not is_first_zero and not any(score.is_at(found) for score in ours)
+    is_first_zero = prepared.is_first and not result.score
+    return result.score is not None and not is_first_zero and not any(score.is_at(result) for score in ours)
 
 
-def overridden(found: PlatformResult) -> str:
+def overridden(result: PlatformResult) -> str:
     """Returns the reason of a dead letter that a person's grade stands against."""
-    of = "" if found.maximum is None else f" of {found.maximum:g}"
-    return f"Overridden by a person: the platform has {found.score:g}{of}. Replay it to replace that."
+    of = "" if result.maximum is None else f" of {result.maximum:g}"
+    return f"Overridden by a person: the platform has {result.score:g}{of}. Replay it to replace that."
 
 
 def is_no_student(session: Session, row: Delivery) -> bool:

@@ -105,10 +105,10 @@ def build_zygote_command(runtime: Runtime, folder: str, control: int) -> list[st
 
 
 def _find_package_folder(name: str) -> Path:
-    found = importlib.util.find_spec(name)
-    if found is None or found.origin is None:
+    spec = importlib.util.find_spec(name)
+    if spec is None or spec.origin is None:
         raise JailRefused(f"The package {name} is not installed.")
-    return Path(found.origin).resolve().parent.parent
+    return Path(spec.origin).resolve().parent.parent
 
 
 def _find_shared_python() -> list[Path]:

@@ -150,7 +150,7 @@ def advise(
     """
     try:
         scene = build_scene(model, start or Start())
-        found = select(
+        selection = select(
             scene,
             tolerance=TOLERANCE if tol is None else tol,
             seconds=SECONDS if seconds is None else seconds,
@@ -159,7 +159,7 @@ def advise(
             progress=progress,
         )
         skips = (f"{need.part}: {need.reason}" for need in scene.needs if need.flag and not need.needed)
-        return Advice(found, describe_steps(scene, found), tuple(skips))
+        return Advice(selection, describe_steps(scene, selection), tuple(skips))
     except QuantityStill as error:
         raise Unprocessable(f"{error}: {CURE}") from error
     except (ValueError, RuntimeError, LabError) as error:
@@ -195,12 +195,12 @@ def compile_quantity(expression: str, scene: Scene) -> Quantity:
     return evaluate
 
 
-def describe_steps(scene: Scene, found: Selection) -> tuple[str, ...]:
+def describe_steps(scene: Scene, selection: Selection) -> tuple[str, ...]:
     """Returns the steps of the lesson's procedure, each with what the measurements say."""
-    measured = {c.setting: c for c in found.candidates}
+    measured = {c.setting: c for c in selection.candidates}
     loss = find_energy_loss(scene)
     conserved = "energy is conserved" if loss is None else f"energy may not be conserved ({loss})"
-    stiff = find_binding_stiffness(scene, found.candidates)
+    stiff = find_binding_stiffness(scene, selection.candidates)
     return (
         f"1. start from {START[0].name} at {1e3 * START[1]:g} ms{_describe_error(measured.get(START))}",
         f"2. {conserved}; {QUARTER[0].name} at a quarter of the step{_describe_error(measured.get(QUARTER))}",

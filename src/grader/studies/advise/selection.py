@@ -191,23 +191,23 @@ class _Survey:
             until=self.until, evaluation_s=self.evaluation_s, progress=self.progress, pool=self.pool,
         )  # fmt: skip
         try:
-            found = search.find(times)
+            solution = search.find(times)
         except RuntimeError as error:
             return _cannot_tell(str(error))
-        self.doubt, told, until_s = float(found.doubts[-1]), float(found.doubts[-1]) / REFERENCE_SHARE, None
+        self.doubt, told, until_s = float(solution.doubts[-1]), float(solution.doubts[-1]) / REFERENCE_SHARE, None
         reason = ""
         if not search.accepts(self.doubt):
-            reason = search.explain(found, times)
-            until_s = self.shorten(times, found.doubts, search.accepts(found.doubts), start, own)
+            reason = search.explain(solution, times)
+            until_s = self.shorten(times, solution.doubts, search.accepts(solution.doubts), start, own)
             if until_s is None:
                 return _cannot_tell(reason, self.doubt)
             runs = {setting: self.meter.cut(run) for setting, run in runs.items()}
             reason = _describe_limit(reason, told, until_s)
-        self.take(runs, found.states)
-        self.refine(found.states)
+        self.take(runs, solution.states)
+        self.refine(solution.states)
         chosen = self.choose(own)
         return replace(
-            chosen, reason=reason + chosen.reason, told=told if isfinite(told) else None, reference=found.method,
+            chosen, reason=reason + chosen.reason, told=told if isfinite(told) else None, reference=solution.method,
             tolerance=self.tolerance, until_s=until_s,
         )  # fmt: skip
 

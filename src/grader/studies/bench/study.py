@@ -232,8 +232,8 @@ def compute_code_digest(study: str) -> str:
     Comments, docstrings and the functions of NOT_MEASURING are left out."""
     others = UNRELATED.union(STUDIES) - {study}
     rooms = {"errors": ("errors", "physics")}.get(ROOMS[study], (ROOMS[study],))
-    found = (*ROOM.glob("*.py"), *(path for room in rooms for path in ROOM.glob(f"{room}/*.py")))
-    own = [path for path in found if path.stem not in others]
+    paths = (*ROOM.glob("*.py"), *(path for room in rooms for path in ROOM.glob(f"{room}/*.py")))
+    own = [path for path in paths if path.stem not in others]
     modules = [*own, *ROOM.parents[1].glob("numerics/**/*.py")]
     texts = [extract_measuring_part(path.read_text(encoding="utf-8")) for path in sorted(modules)]
     return compute_digest(texts, [path.read_bytes() for path in sorted(ROOM.glob("scenes/*.xml"))])

@@ -197,7 +197,7 @@ def stuck(request: Request, services: AppServices, who: Visitor) -> Response:
         return show_sign_in(request, services, who)
     titles = list_titles(services.library_for(who))
     with services.database.read() as session:
-        found, marks = find_stuck_learners(session, who), marks_in(session, who.course)
+        learners, marks = find_stuck_learners(session, who), marks_in(session, who.course)
     rows = [
         {
             "one": learner,
@@ -205,7 +205,7 @@ def stuck(request: Request, services: AppServices, who: Visitor) -> Response:
             "story": make_address(learner),
             "ago": describe_age(learner.last),
         }
-        for learner in found
+        for learner in learners
     ]
     return page(request, "stuck.html", who=who, rows=rows, marks=marks)
 

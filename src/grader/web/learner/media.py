@@ -32,10 +32,10 @@ def show_media(sha256: Digest, name: str, services: AppServices, who: Visitor) -
     if who is None and not services.sessions.anonymous:
         raise Unauthorized(SIGN_IN)
     reader = find_reader(who)
-    found = services.content.of(reader.course).find_media(sha256, name, with_draft=reader.is_instructor)
-    if found is None:
+    file = services.content.of(reader.course).find_media(sha256, name, with_draft=reader.is_instructor)
+    if file is None:
         raise NotFound("There is no such picture or file.")
-    return send_media(found)
+    return send_media(file)
 
 
 def send_media(media: Media) -> Response:

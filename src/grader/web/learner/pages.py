@@ -104,12 +104,12 @@ def find_lesson(library: Library, address: str) -> Lesson:
     if kind == "quiz":
         quiz = library.quiz(name)
         return Lesson(quiz.id, plain_text(quiz.title), (quiz,))
-    found = [lesson for lesson in group_lessons(library) if kind == "" or lesson.id == name]
-    if kind == "" and len(found) != 1:
+    lessons = [lesson for lesson in group_lessons(library) if kind == "" or lesson.id == name]
+    if kind == "" and len(lessons) != 1:
         return Lesson(OTHER, "Questions and exercises", tuple(library.quizzes.values()))
-    if not found:
+    if not lessons:
         raise NotFound(f"There is no lesson {name!r}.")
-    return found[0]
+    return lessons[0]
 
 
 @router.get("/quizzes/{quiz_id}/{question_id}")

@@ -148,11 +148,11 @@ def list_roster(session: Session, course: str) -> list[Entry]:
 
 def list_roster_with_ids(session: Session, course: str, namespace: str) -> list[Entry]:
     """As `roster_of`, each with an id: that of the namespace, else ours."""
-    found = []
+    entries = []
     for member in people.enrolled(session, course):
         known = known_as(member)
-        found.append(make_entry(member, known if known.namespace == namespace else External(OWN, member.id)))
-    return found
+        entries.append(make_entry(member, known if known.namespace == namespace else External(OWN, member.id)))
+    return entries
 
 
 def is_named(member: Member) -> bool:

@@ -61,10 +61,10 @@ def read_text(packed: zipfile.ZipFile, name: str) -> str:
         raise Unprocessable(
             f"The zip file holds more than {MEMBERS_MAX} files: a roster has {USERS} and {ENROLLMENTS}."
         )
-    found = [entry for entry in packed.infolist() if entry.filename.rpartition("/")[2] == name]
-    if len(found) != 1:
-        raise Unprocessable(f"The zip file holds {name} {len(found)} times: once is needed.")
-    with packed.open(found[0]) as file:
+    entries = [entry for entry in packed.infolist() if entry.filename.rpartition("/")[2] == name]
+    if len(entries) != 1:
+        raise Unprocessable(f"The zip file holds {name} {len(entries)} times: once is needed.")
+    with packed.open(entries[0]) as file:
         data = file.read(FILE_BYTES_MAX + 1)
     if len(data) > FILE_BYTES_MAX:
         raise Unprocessable(f"{name} is larger than {FILE_BYTES_MAX >> 20} MB.")

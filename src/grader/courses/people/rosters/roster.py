@@ -129,18 +129,18 @@ Note = Callable[[str, str], None]
 def read_entries(rows: Iterable[Line], read: Callable[[Line, Note], Entry | None]) -> list[Entry]:
     """Says what `read` makes of the rows. Raises FaultyRows if it notes faults, or a person is there twice."""
     faults: list[Fault] = []
-    found: dict[str, Entry] = {}
+    entries: dict[str, Entry] = {}
     for row in rows:
         known = len(faults)
         entry = read(row, lambda column, why, row=row: faults.append(row.fault(column, why)))  # type: ignore[misc]
         if entry is None or len(faults) > known:
             continue
-        if (earlier := found.setdefault(entry.key, entry)) is not entry:
+        if (earlier := entries.setdefault(entry.key, entry)) is not entry:
             column = "name" if entry.external is None else "external_id"
             faults.append(row.fault(column, f"is the person of line {earlier.line}: give each person one row"))
     if faults:
         raise FaultyRows(faults[:FAULTS_MAX])
-    return list(found.values())
+    return list(entries.values())
 
 
 def read_entry(row: Line, namespace: str, note: Note, *, has_email: bool) -> Entry:

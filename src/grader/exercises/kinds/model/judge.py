@@ -117,18 +117,18 @@ def compare_goal(
         one, other = mine["same"][expression], its["same"][expression]
         if "values" not in other:
             raise ValueError(f"the reference has no {expression}: {other}")
-        found = compare_same(goal, expression, one, other)
-        if not found.fault and mine["half"]:
+        comparison = compare_same(goal, expression, one, other)
+        if not comparison.fault and mine["half"]:
             halves = compare_same(goal, expression, mine["half"][expression], its["half"][expression])
             if halves.fault:
-                found = Compared(f"With half the timestep, {halves.fault[0].lower()}{halves.fault[1:]}")
-        yield expression, explain_missing(expression, one, names) or found
+                comparison = Compared(f"With half the timestep, {halves.fault[0].lower()}{halves.fault[1:]}")
+        yield expression, explain_missing(expression, one, names) or comparison
     for expression, allowed in goal.within.items():
         one, other = mine["within"][expression], its["within"][expression]
         if compare_range(goal, expression, other, allowed).fault:
             raise ValueError(f"the reference itself is out of the range of {expression}: {other}")
-        found = compare_range(goal, expression, one, allowed)
-        yield expression, explain_missing(expression, one, names) or found
+        comparison = compare_range(goal, expression, one, allowed)
+        yield expression, explain_missing(expression, one, names) or comparison
 
 
 def explain_missing(expression: str, one: Mapping[str, Any], names: Mapping[str, Sequence[str]]) -> Compared | None:

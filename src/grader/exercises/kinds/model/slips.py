@@ -94,8 +94,8 @@ def put_into(tag: str, name: str, value: str) -> Change:
     """Sets an attribute of the first element of a tag below the root, which is made if there is none."""
 
     def edit(root: ET.Element) -> bool:
-        found = root.find(tag)
-        return put(name, value)(ET.SubElement(root, tag) if found is None else found)
+        element = root.find(tag)
+        return put(name, value)(ET.SubElement(root, tag) if element is None else element)
 
     return edit
 

@@ -119,13 +119,13 @@ def _other_unit(given: Quantity, wanted: Unit, key: NumberKey) -> Unit | None:
 def _neighbours(wanted: Unit) -> tuple[tuple[Unit, float, float], ...]:
     """List the unit itself and every unit that differs from it in one factor, each with how its numbers are converted.
     The scale and the offset are kept, since to convert one number takes as long as all else in grading it."""
-    found = [wanted]
+    units = [wanted]
     for place, (name, power) in enumerate(wanted.powers):
         for family in FAMILIES:
             for other in family if name in family else ():
                 powers = (*wanted.powers[:place], (other, power), *wanted.powers[place + 1 :])
-                found.append(Unit(symbols(powers), powers))
-    return tuple((unit, *scale) for unit in found if (scale := _scale(unit, wanted)) is not None)
+                units.append(Unit(symbols(powers), powers))
+    return tuple((unit, *scale) for unit in units if (scale := _scale(unit, wanted)) is not None)
 
 
 def _scale(unit: Unit, wanted: Unit) -> tuple[float, float] | None:

@@ -123,11 +123,11 @@ class Tiny(Measurement):
 
 def plan(quick: bool) -> Sequence[Measurement]:
     """Returns every start of every scene, and those that are followed at tiny timesteps."""
-    found: list[Measurement] = []
+    measurements: list[Measurement] = []
     for name in HORIZONS_S:
-        found += [Starts(name, first) for first in range(0, TOGETHER if quick else STARTS, TOGETHER)]
-        found += [Tiny(name, number) for number in range(1 if quick else FOLLOWED)]
-    return found
+        measurements += [Starts(name, first) for first in range(0, TOGETHER if quick else STARTS, TOGETHER)]
+        measurements += [Tiny(name, number) for number in range(1 if quick else FOLLOWED)]
+    return measurements
 
 
 def summarise(records: Records) -> Record:

@@ -142,11 +142,11 @@ class Solved(Measurement):
 
 def plan(quick: bool) -> Sequence[Measurement]:
     """References first, then every setting against them."""
-    found: list[Measurement] = [Truth(name) for name in SCENES]
+    measurements: list[Measurement] = [Truth(name) for name in SCENES]
     for name in SCENES:
-        found += [Fixed(name, kind, h) for kind in BY_NAME for h in TIMESTEPS_S[:: 3 if quick else 1]]
-        found += [Solved(name, method, t) for method in METHODS for t in TOLERANCES[: 2 if quick else None]]
-    return found
+        measurements += [Fixed(name, kind, h) for kind in BY_NAME for h in TIMESTEPS_S[:: 3 if quick else 1]]
+        measurements += [Solved(name, method, t) for method in METHODS for t in TOLERANCES[: 2 if quick else None]]
+    return measurements
 
 
 def list_settings(records: Records, scene: str, kind: type[Fixed] | type[Solved]) -> dict[str, list[Record]]:

@@ -40,10 +40,10 @@ BUDGET_S = {True: 0.05, False: 0.3}
 
 def find_gymnasium_models() -> dict[str, Path]:
     """Gymnasium's MJCF files by name; none where the package is not installed."""
-    found = find_spec("gymnasium")
-    if found is None or found.origin is None:
+    spec = find_spec("gymnasium")
+    if spec is None or spec.origin is None:
         return {}
-    folder = Path(found.origin).parent / "envs" / "mujoco" / "assets"
+    folder = Path(spec.origin).parent / "envs" / "mujoco" / "assets"
     return {f"{path.stem} (Gymnasium)": path for path in sorted(folder.glob("*.xml"))}
 
 

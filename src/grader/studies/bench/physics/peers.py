@@ -45,18 +45,18 @@ class Peer:
 def find_peers(name: str) -> dict[str, Peer]:
     """Returns the peers of a scene that this machine has, by name."""
     scene = load_scene(name)
-    found = {f"Python loop, {kind}": Peer(make_python_loop(scene, kind), "timestep") for kind in ("Euler", "RK4")}
-    found |= {f"mj_step(nstep), {kind}": Peer(make_nstep(scene, kind), "timestep") for kind in ("Euler", "RK4")}
+    peers = {f"Python loop, {kind}": Peer(make_python_loop(scene, kind), "timestep") for kind in ("Euler", "RK4")}
+    peers |= {f"mj_step(nstep), {kind}": Peer(make_nstep(scene, kind), "timestep") for kind in ("Euler", "RK4")}
     methods: tuple[Method, Method] = ("LSODA", "DOP853")
     for method in methods:
         if name in EQUATIONS:
-            found[f"SciPy {method}, by hand"] = Peer(make_by_hand(name, scene, method), "tolerance")
-        found[f"SciPy {method}, mj_forward"] = Peer(make_over_mj_forward(scene, method), "tolerance")
+            peers[f"SciPy {method}, by hand"] = Peer(make_by_hand(name, scene, method), "tolerance")
+        peers[f"SciPy {method}, mj_forward"] = Peer(make_over_mj_forward(scene, method), "tolerance")
     if name in PINOCCHIO_SCENES and find_spec("pinocchio"):
-        found["Pinocchio ABA + RK4"] = Peer(pinocchio_rk4(name, scene), "timestep")
+        peers["Pinocchio ABA + RK4"] = Peer(pinocchio_rk4(name, scene), "timestep")
     if name in DRAKE_SCENES and find_spec("pydrake"):
-        found["Drake RK5"] = Peer(drake_rk5(name, scene), "tolerance")
-    return found
+        peers["Drake RK5"] = Peer(drake_rk5(name, scene), "tolerance")
+    return peers
 
 
 def make_python_loop(scene: Scene, integrator: str) -> Run:
@@ -124,10 +124,10 @@ def make_adaptive(rate: Callable[[float, Array], Any], state: Array, nq: int, me
 
     def run(tolerance: float, times: Array) -> Array:
         span = (times[0], times[-1])
-        found = scipy.integrate.solve_ivp(rate, span, state, method, times, rtol=tolerance, atol=tolerance / 10)
-        if not found.success:
-            raise RuntimeError(str(found.message))
-        return np.asarray(found.y.T[:, :nq])
+        solution = scipy.integrate.solve_ivp(rate, span, state, method, times, rtol=tolerance, atol=tolerance / 10)
+        if not solution.success:
+            raise RuntimeError(str(solution.message))
+        return np.asarray(solution.y.T[:, :nq])
 
     return run
 

@@ -172,14 +172,14 @@ class PeerSetting(Measurement):
 
 def plan(quick: bool) -> Sequence[Measurement]:
     """References first, then every setting against them."""
-    found: list[Measurement] = [Truth(name) for name in SCENES]
+    measurements: list[Measurement] = [Truth(name) for name in SCENES]
     chosen = slice(0, 7, 2) if quick else slice(None)  # four settings, without the finest, which take longest
     for name in SCENES:
-        found += [Setting(name, kind, h) for kind in BY_NAME for h in TIMESTEPS_S[chosen]]
+        measurements += [Setting(name, kind, h) for kind in BY_NAME for h in TIMESTEPS_S[chosen]]
         for method, peer in find_peers(name).items():
             settings = TIMESTEPS_S if peer.setting == "timestep" else TOLERANCES
-            found += [PeerSetting(name, method, setting) for setting in settings[chosen]]
-    return found
+            measurements += [PeerSetting(name, method, setting) for setting in settings[chosen]]
+    return measurements
 
 
 @dataclass(frozen=True)

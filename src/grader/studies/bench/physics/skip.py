@@ -173,11 +173,11 @@ class Repeat(Measurement):
 
 def plan(_quick: bool) -> Sequence[Measurement]:
     """Returns every part with a flag on every scene, the savings of each scene, and the repeats."""
-    found: list[Measurement] = []
+    measurements: list[Measurement] = []
     for name in SCENES:
-        found += [Flag(name, need.part) for need in load_scene(name).needs if need.flag]
-        found.append(Savings(name))
-    return [*found, *map(Repeat, REPEATED)]
+        measurements += [Flag(name, need.part) for need in load_scene(name).needs if need.flag]
+        measurements.append(Savings(name))
+    return [*measurements, *map(Repeat, REPEATED)]
 
 
 def summarise(records: Records) -> Record:

@@ -176,12 +176,12 @@ class Edge(OnChart):
         closed_s = chart.closed_form_s(self.integrator, self.value)
         if np.isfinite(closed_s):
             low_s, high_s = closed_s / 2, closed_s * 2
-        found = find_threshold(scene, low_s=low_s, high_s=high_s, integrator=code, horizon_s=SECONDS)
+        threshold = find_threshold(scene, low_s=low_s, high_s=high_s, integrator=code, horizon_s=SECONDS)
         return {
             "parameter": self.value,
             "closed_s": closed_s if np.isfinite(closed_s) else None,
             "spectral_s": find_spectral_limit(scene, low_s=low_s, high_s=high_s, integrator=code),
-            "simulated_s": None if found.bracket_s is None else sum(found.bracket_s) / 2,
+            "simulated_s": None if threshold.bracket_s is None else sum(threshold.bracket_s) / 2,
         }
 
 
