@@ -44,7 +44,7 @@ def default_cache(fields: dict[str, Any]) -> Path:
     return home / "mujoco-grader"
 
 
-def nearest(name: str, known: set[str]) -> str:
+def suggest_nearest(name: str, known: set[str]) -> str:
     """A question after the name that was probably meant; empty if none is near."""
     near = get_close_matches(name.upper(), known, n=1)
     return f": did you mean {near[0]}?" if near else ""
@@ -169,7 +169,7 @@ class Settings(BaseSettings):
         names = [name for name in os.environ if name.upper().startswith(PREFIX) and name.upper() not in known]
         unknown = [name for name in sorted(names) if not name.upper().startswith(OF_TESTS)]
         if unknown:
-            raise ValueError("; ".join(f"{name} is no setting{nearest(name, known)}" for name in unknown))
+            raise ValueError("; ".join(f"{name} is no setting{suggest_nearest(name, known)}" for name in unknown))
         return given
 
     @model_validator(mode="after")

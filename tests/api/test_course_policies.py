@@ -85,7 +85,7 @@ def open_browser(site: Site, name: str, role: Role = Role.STUDENT) -> httpx.Clie
     client = site.client(name, role.value)
     client.headers.update({"Origin": site.origin, "Sec-Fetch-Site": "same-origin"})
     with site.app.state.services.database.write() as session:
-        opened = start_session(session, members.named(session, name, role, site.course))
+        opened = start_session(session, members.get_named(session, name, role, site.course))
     client.cookies.set(COOKIE, opened.secret, domain="127.0.0.1", path="/")
     return client
 

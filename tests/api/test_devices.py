@@ -9,7 +9,7 @@ from sqlalchemy import func, select, update
 
 from grader.courses.people import devices, sign_in
 from grader.courses.people.identity import Role, visible_part
-from grader.courses.people.members import named
+from grader.courses.people.members import get_named
 from grader.store.engine.database import Database
 from grader.store.tables import Credential, Member, now
 from grader.store.tickets import Ticket
@@ -29,7 +29,7 @@ def database_of(site: Site) -> Database:
 def open_browser(site: Site, name: str, role: Role = Role.STUDENT) -> httpx.Client:
     """A browser in which a named member is signed in."""
     with database_of(site).write() as session:
-        opened = sign_in.start_session(session, named(session, name, role, site.course))
+        opened = sign_in.start_session(session, get_named(session, name, role, site.course))
     return site.anonymous({"Cookie": f"grader_session={opened.secret}", **OURS})
 
 

@@ -19,7 +19,7 @@ from api.recording import Normaliser, Recorder, as_text
 from grader.api import openapi
 from grader.courses.people import platforms as rules
 from grader.courses.people.identity import COOKIE, DEFAULT_COURSE, Role
-from grader.courses.people.members import named
+from grader.courses.people.members import get_named
 from grader.courses.people.sign_in import start_session
 from grader.courses.regrading.background import Regrading
 from grader.gate.admission import PREFIX as API
@@ -213,7 +213,7 @@ def record_people(scene: Scene) -> None:
     secret = {"device_code": codes["device_code"]}
     scene.record(device, "POST /devices:token", 400, json=secret)
     with scene.joined.site.app.state.services.database.write() as session:
-        opened = start_session(session, named(session, "ada", Role.STUDENT))
+        opened = start_session(session, get_named(session, "ada", Role.STUDENT))
     cookie = {"Cookie": f"{COOKIE}={opened.secret}", "Sec-Fetch-Site": "same-origin"}
     allowed = {"code": codes["user_code"], "decision": "allow"}
     assert scene.joined.site.anonymous(cookie).post("/devices", data=allowed).status_code == 303
@@ -291,7 +291,7 @@ def record_platforms(scene: Scene) -> None:
     scene.record(tina, "GET /lti/platforms")
     scene.record(tina, "POST /lti/registrations", 201)
     with joined.database.write() as session:
-        [row] = platforms.registered(session, joined.platform.origin, joined.platform.client_id)
+        [row] = platforms.find_registered(session, joined.platform.origin, joined.platform.client_id)
         context = platforms.context_at(session, row.id, joined.platform.deployment_id, "context-1", "Robotics")
         session.flush()
         rules.link(session, None, context.id, DEFAULT_COURSE)

@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import func, select, update
 
 from grader.courses.people import sign_in
-from grader.courses.people.members import unnamed
+from grader.courses.people.members import make_unnamed
 from grader.service.accounts import sign_in_url
 from grader.store.engine.database import Database
 from grader.store.tables import Credential, Member, now
@@ -36,7 +36,7 @@ def count(site: Site, query: Any) -> int:
 def signed_in_as(site: Site, name: str) -> httpx.Client:
     """The browser of a learner who chose this name."""
     with database_of(site).write() as session:
-        opened = sign_in.start_session(session, unnamed(session, site.course or "default", name))
+        opened = sign_in.start_session(session, make_unnamed(session, site.course or "default", name))
     return site.anonymous({"Cookie": f"grader_session={opened.secret}", **OURS})
 
 

@@ -273,7 +273,7 @@ def test_a_way_back_is_no_longer_than_a_sign_in_for_an_instructor(either_site: S
 def ended(site: Site) -> Identity:
     """An instructor who was admitted just before their token was revoked."""
     with database_of(site).write() as session:
-        member = members.named(session, "prof", Role.INSTRUCTOR, site.course)
+        member = members.get_named(session, "prof", Role.INSTRUCTOR, site.course)
         session.flush()
         issue(session, Kind.TOKEN, member)
         session.flush()

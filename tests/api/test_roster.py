@@ -97,10 +97,10 @@ def test_what_was_exported_is_imported_again_and_changes_nothing(either_site: Si
 
 def test_who_came_by_themselves_is_exported_with_our_id_and_found_by_it(site: Site) -> None:
     tina = site.client("tina", "instructor")
-    from grader.courses.people.members import unnamed
+    from grader.courses.people.members import make_unnamed
 
     with site.app.state.services.database.write() as session:
-        member = unnamed(session, str(site.course), "Eve").id
+        member = make_unnamed(session, str(site.course), "Eve").id
     text = tina.get(f"{API}/roster.csv").text
     assert f"Eve,,student,grader,{member}" in text
     assert send(tina, text.replace("Eve", "Eve E.")).json()["changed"] == 1

@@ -107,7 +107,7 @@ def test_an_endless_loop_is_stopped_for_free_and_the_script_beside_it_is_graded(
     assert handed_in(ann, GOOD).json()["attempt"] == 1
     assert verdicts_of(bob, [beside])[beside]["verdict"]["status"] == "correct"
     assert site.app.state.services.monitor.graders.pids() == processes
-    assert in_database(site.settings, lambda session: regrades.reviewed(session, [one["id"]])) == {one["id"]}
+    assert in_database(site.settings, lambda session: regrades.find_reviewed(session, [one["id"]])) == {one["id"]}
 
 
 def test_the_same_request_is_a_new_one_after_a_free_stop(site: Site) -> None:

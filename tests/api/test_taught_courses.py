@@ -29,7 +29,7 @@ def database_of(site: Site) -> Database:
 def open_browser(site: Site, name: str, role: Role = Role.INSTRUCTOR, course: str = DEFAULT_COURSE) -> httpx.Client:
     """A browser in which a named member is signed in. It keeps its cookies."""
     with database_of(site).write() as session:
-        opened = start_session(session, members.named(session, name, role, course))
+        opened = start_session(session, members.get_named(session, name, role, course))
     client = site.anonymous(OURS)
     client.cookies.set(COOKIE, opened.secret, domain="127.0.0.1", path="/")
     return client

@@ -8,7 +8,7 @@ import pytest
 
 from grader.courses.people import sign_in
 from grader.courses.people.identity import Role
-from grader.courses.people.members import named
+from grader.courses.people.members import get_named
 from mjgrader.accounts import load_account
 from mjgrader.errors import Sentence
 from mjgrader.session import Session
@@ -25,7 +25,7 @@ def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def confirm(site: Site, codes: Mapping[str, Any], decision: str) -> None:
     """Opens the address that the client shows, as a learner who is signed in, and presses a button."""
     with site.app.state.services.database.write() as session:
-        opened = sign_in.start_session(session, named(session, "ada", Role.STUDENT, site.course))
+        opened = sign_in.start_session(session, get_named(session, "ada", Role.STUDENT, site.course))
     browser = site.anonymous({"Cookie": f"grader_session={opened.secret}", "Sec-Fetch-Site": "same-origin"})
     shown = browser.get(codes["verification_uri_complete"])
     assert "mjgrader on" in shown.text and codes["user_code"] in shown.text

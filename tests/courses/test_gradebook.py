@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.courses.rules.csv_cells import guarded, unguarded
-from grader.courses.rules.gradebook import Column, Form, Row, gradebook_csv, headings, number
+from grader.courses.rules.csv_cells import guard, unguard
+from grader.courses.rules.gradebook import Column, Form, Row, gradebook_csv, list_headings, number
 
 COLUMNS = [
     Column("1.3-check", "q1", "Knowledge check, 1", 1.0, "4711"),
@@ -76,7 +76,7 @@ def test_what_was_written_is_read_back(rows: list[Row]) -> None:
     keys = [tuple(name.split("/")) for name in header[3:-2]]
     assert keys == IDS
     back = [
-        ([unguarded(cell) for cell in cells[:3]], {k: float(c) for k, c in zip(IDS, cells[3:-2], strict=True) if c})
+        ([unguard(cell) for cell in cells[:3]], {k: float(c) for k, c in zip(IDS, cells[3:-2], strict=True) if c})
         for cells in found
     ]
     assert back == [([row.user, row.id, row.email], row.points) for row in rows]
@@ -89,7 +89,7 @@ def test_what_was_written_is_read_back(rows: list[Row]) -> None:
     }
     for form, expected in learner.items():
         first = 2 if form is Form.CANVAS else 1
-        assert [[unguarded(cell) for cell in line[: -len(COLUMNS)]] for line in lines(rows, form)[first:]] == expected
+        assert [[unguard(cell) for cell in line[: -len(COLUMNS)]] for line in lines(rows, form)[first:]] == expected
 
 
 @given(st.lists(learners, min_size=1, max_size=3), st.sampled_from(list(Form)))
@@ -101,8 +101,8 @@ def test_no_cell_is_a_formula(rows: list[Row], form: Form) -> None:
 
 @given(texts, texts)
 def test_different_texts_stay_different(one: str, other: str) -> None:
-    assert (guarded(one) == guarded(other)) == (one == other)
-    assert unguarded(guarded(one)) == one
+    assert (guard(one) == guard(other)) == (one == other)
+    assert unguard(guard(one)) == one
 
 
 @given(st.floats(0, 1e6))
@@ -114,14 +114,14 @@ def test_points_have_no_exponent_and_nine_digits(value: float) -> None:
 
 def test_equal_and_empty_titles_are_told_apart() -> None:
     columns = [Column("a", f"q{n}", title, 1) for n, title in enumerate(["Check", "Check", "Section", " "], 1)]
-    assert headings(columns, Form.CANVAS) == ["Check [a/q1]", "Check [a/q2]", "Section [a/q3]", "[a/q4]"]
-    assert headings(columns, Form.MOODLE) == ["Check [a/q1]", "Check [a/q2]", "Section", "[a/q4]"]
+    assert list_headings(columns, Form.CANVAS) == ["Check [a/q1]", "Check [a/q2]", "Section [a/q3]", "[a/q4]"]
+    assert list_headings(columns, Form.MOODLE) == ["Check [a/q1]", "Check [a/q2]", "Section", "[a/q4]"]
 
 
 def test_the_column_of_a_quiz_bears_its_id() -> None:
     columns = [Column("a", "", "Check", 2), Column("b", "", "Check", 1)]
-    assert headings(columns, Form.GENERIC) == ["a", "b"]
-    assert headings(columns, Form.CANVAS) == ["Check [a]", "Check [b]"]
+    assert list_headings(columns, Form.GENERIC) == ["a", "b"]
+    assert list_headings(columns, Form.CANVAS) == ["Check [a]", "Check [b]"]
 
 
 # -- a reader that acts like Canvas's importer -------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from grader.courses.rules.policy import (
     Counted,
     Decision,
     Shown,
-    counted,
+    count_points,
     decide,
     has_opened,
     late_multiplier,
@@ -252,7 +252,7 @@ def test_an_extension_makes_nothing_worse(
     if plain.multiplier is not None:
         assert extended.multiplier is not None
         assert extended.multiplier >= plain.multiplier
-    assert counted(attempts, policy, extension).points >= counted(attempts, policy, None).points
+    assert count_points(attempts, policy, extension).points >= count_points(attempts, policy, None).points
 
 
 @given(policies(), extensions, attempt_lists, moments, st.sampled_from(FREE), moments)
@@ -260,7 +260,7 @@ def test_a_later_fault_or_unreadable_answer_changes_nothing(
     policy: Policy, extension: Extension, attempts: list[Attempt], now: datetime, status: Status, at: datetime
 ) -> None:
     more = [*attempts, attempt(len(attempts) + 1, 0.0, status, at)]
-    assert counted(more, policy, extension) == counted(attempts, policy, extension)
+    assert count_points(more, policy, extension) == count_points(attempts, policy, extension)
     assert ask(policy, more, now, extension=extension) == ask(policy, attempts, now, extension=extension)
 
 
@@ -270,7 +270,7 @@ def test_under_best_another_attempt_never_lowers_the_points(
 ) -> None:
     best = policy.model_copy(update={"counts": "best"})
     more = [*attempts, attempt(len(attempts) + 1, points, status, at)]
-    before, after = counted(attempts, best, extension), counted(more, best, extension)
+    before, after = count_points(attempts, best, extension), count_points(more, best, extension)
     assert after.points >= before.points
     own = round(points * late_multiplier(best, extension, at), 9)
     assert after.points == max(before.points, own)
@@ -280,7 +280,7 @@ def test_under_best_another_attempt_never_lowers_the_points(
 def test_average_is_the_mean_of_the_attempts_that_used_one(
     policy: Policy, extension: Extension, attempts: list[Attempt]
 ) -> None:
-    average = counted(attempts, policy.model_copy(update={"counts": "average"}), extension)
+    average = count_points(attempts, policy.model_copy(update={"counts": "average"}), extension)
     used = [one for one in attempts if one.status in PAID]
     shares = [one.points * late_multiplier(policy, extension, one.at) for one in used]
     assert average.sources == tuple(used)
@@ -291,7 +291,7 @@ def test_average_is_the_mean_of_the_attempts_that_used_one(
 def test_points_come_from_their_sources_to_9_digits(
     policy: Policy, extension: Extension, attempts: list[Attempt]
 ) -> None:
-    found = counted(attempts, policy, extension)
+    found = count_points(attempts, policy, extension)
     assert found.points == round(found.points, 9)
     assert 0 <= found.points <= 10
     assert bool(found.sources) == any(one.status in PAID for one in attempts)
@@ -303,17 +303,19 @@ def test_points_come_from_their_sources_to_9_digits(
 
 def test_best_latest_and_average() -> None:
     attempts = [attempt(1, 2), attempt(2, 9), attempt(3, 9), attempt(4, 1)]
-    found = {name: counted(attempts, Policy.model_validate({"counts": name}), None) for name in COUNTS}
+    found = {name: count_points(attempts, Policy.model_validate({"counts": name}), None) for name in COUNTS}
     numbers = {name: (one.points, one.numbers) for name, one in found.items()}
     assert numbers == {"best": (9, (2,)), "latest": (1, (4,)), "average": (5.25, (1, 2, 3, 4))}
 
 
 def test_points_are_final_once_nothing_waits() -> None:
     review = attempt(1, status=Status.NEEDS_REVIEW)
-    assert counted([], Policy(), None) == Counted(0.0, (), True)
-    assert not counted([review], Policy(), None).is_final
-    assert not counted([attempt(1, 3), attempt(2, status=None)], Policy(), None).is_final
-    assert counted([review, attempt(2, 3)], Policy(), None).is_final  # only the newest attempt waits for a reviewer
+    assert count_points([], Policy(), None) == Counted(0.0, (), True)
+    assert not count_points([review], Policy(), None).is_final
+    assert not count_points([attempt(1, 3), attempt(2, status=None)], Policy(), None).is_final
+    assert count_points(
+        [review, attempt(2, 3)], Policy(), None
+    ).is_final  # only the newest attempt waits for a reviewer
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.courses.rules.policy import NOT_ABOUT_CORRECTNESS, Decision, Shown, decide, redact_json, reported
+from grader.courses.rules.policy import NOT_ABOUT_CORRECTNESS, Decision, Shown, decide, redact_json, report_verdict
 from grader.domain.policy import Policy, Progress
-from grader.domain.verdict import Finding, Status, Verdict, reviewed
+from grader.domain.verdict import Finding, Status, Verdict, apply_review
 from grader.grading.pipeline import Pipeline
 from grader.library import load
 from grader.questions import Reveal, grade_answer
@@ -109,7 +109,7 @@ def test_before_the_feedback_a_review_does_not_show(
     answer: dict[str, Any], outcome: dict[str, Any], share: float, comment: str
 ) -> None:
     verdict = Verdict(**answer, **outcome)
-    assert seen(reviewed(verdict, share * verdict.max_points, comment), RECEIPT) == seen(verdict, RECEIPT)
+    assert seen(apply_review(verdict, share * verdict.max_points, comment), RECEIPT) == seen(verdict, RECEIPT)
 
 
 @given(answers(), outcomes())
@@ -156,7 +156,7 @@ def test_what_was_stored_before_directions_were_tells_nothing_of_size() -> None:
 
 def test_a_reviewers_finding_is_told_as_it_was_written() -> None:
     verdict = Verdict(status=Status.NEEDS_REVIEW, points=0, max_points=1)
-    shown = redact(reviewed(verdict, 0.5, "Look at the sign."), DIRECTION)
+    shown = redact(apply_review(verdict, 0.5, "Look at the sign."), DIRECTION)
     assert [finding.message for finding in shown.findings] == ["Look at the sign."]
 
 
@@ -203,10 +203,10 @@ def test_a_command_reports_as_far_as_the_author_reveals() -> None:
     question = NumberQuestion(kind="numeric", id="q", q="?", answer=73.313, tol=0.1, explain="KEY")
     for reveal, held in ((None, ()), ("direction", ("KEY", "factor")), ("size", ("KEY",)), ("value", ("KEY",))):
         asked = question.model_copy(update={"reveal": reveal})
-        told = reported(grade_answer(asked, 146.626), asked).model_dump_json()
+        told = report_verdict(grade_answer(asked, 146.626), asked).model_dump_json()
         assert ("73.313" in told) == (reveal == "value")
         assert not any(word in told for word in held)
-        assert reported(grade_answer(asked, 73.313), asked).explain == "KEY"
+        assert report_verdict(grade_answer(asked, 73.313), asked).explain == "KEY"
 
 
 def test_a_command_reports_no_evidence_that_draws_the_solution() -> None:
@@ -214,8 +214,8 @@ def test_a_command_reports_no_evidence_that_draws_the_solution() -> None:
     film = {"title": "Your run", "rows": [[1.0]]}  # of the learner's own answer
     evidence = {"option": 1, "film": film, "regions": [73.313]}
     wrong, right = (grade_answer(question, one).model_copy(update={"evidence": evidence}) for one in (1, 73.313))
-    assert reported(wrong, question).evidence == {"option": 1, "film": film}
-    assert reported(right, question).evidence == evidence
+    assert report_verdict(wrong, question).evidence == {"option": 1, "film": film}
+    assert report_verdict(right, question).evidence == evidence
 
 
 @given(answers(), outcomes())

@@ -28,9 +28,9 @@ from grader.courses.people.identity import Identity, Role
 from grader.courses.regrading import background, regrades
 from grader.courses.regrading.background import Regrading
 from grader.courses.regrading.regrades import Scope, Wanted
-from grader.courses.rules.policy import counted
+from grader.courses.rules.policy import count_points
 from grader.domain.policy import Extension
-from grader.domain.verdict import Status, Verdict, reviewed
+from grader.domain.verdict import Status, Verdict, apply_review
 from grader.errors import Conflict, JailFault, NotFound
 from grader.grading.content import Archive, Content
 from grader.grading.pipeline import Retries
@@ -131,7 +131,7 @@ class Course:
 
     def review(self, submission_id: str, points: float) -> None:
         verdict = Verdict.model_validate(self.newest(submission_id))
-        self.append(submission_id, reviewed(verdict, points, "Seen."), "review")
+        self.append(submission_id, apply_review(verdict, points, "Seen."), "review")
 
     def start(self, scope: Scope | tuple[str, ...] = "all", dry_run: bool = False, question: str | None = None) -> str:
         return regrades.create(
@@ -146,7 +146,7 @@ class Course:
     def shown(self, regrade_id: str, changed: bool = False) -> dict[str, Any]:
         with self.database.read() as session:
             regrade = regrades.get(session, regrade_id, self.name)
-            view = regrades.view(regrade, stored.progress(session, regrade))
+            view = regrades.describe_regrade(regrade, stored.count_by_outcome(session, regrade))
             return view | {"items": regrades.read_page(session, regrade_id, 0, 1000, changed=changed)}
 
     def verdicts(self, submission_id: str) -> list[tuple[str, str, float]]:
@@ -163,9 +163,9 @@ class Course:
 
     def newest(self, submission_id: str) -> dict[str, Any]:
         with self.database.read() as session:
-            found: dict[str, Any] = submissions.verdicts(session, submissions.several(session, [submission_id]))[
-                submission_id
-            ]
+            found: dict[str, Any] = submissions.read_verdicts(
+                session, submissions.get_several(session, [submission_id])
+            )[submission_id]
             return found
 
     def points(self, learner: str, question: str = "number") -> float | None:
@@ -583,7 +583,7 @@ class Term(RuleBasedStateMachine):
         key = LearnerAt(self.course.name, learner, "quiz", "number")
         with self.course.database.read() as session:
             attempts = [counting.make_attempt(row) for row in results.attempts_of(session, key)]
-        found = counted(attempts, self.course.content.library.quiz("quiz").default_policy, None)
+        found = count_points(attempts, self.course.content.library.quiz("quiz").default_policy, None)
         assert self.course.points(learner) == (found.points if attempts else None)
 
     @invariant()

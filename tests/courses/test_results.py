@@ -18,7 +18,7 @@ from grader.courses.answering import results as counting
 from grader.courses.answering.access import read_access
 from grader.courses.answering.results import NewSubmission
 from grader.courses.people.identity import Identity, Role
-from grader.courses.rules.policy import Attempt, counted
+from grader.courses.rules.policy import Attempt, count_points
 from grader.domain.policy import Extension
 from grader.domain.verdict import Status, Verdict
 from grader.library import Library, load
@@ -97,7 +97,7 @@ def the_feed(database: Database, course: str, after: int = 0) -> list[ResultRevi
         database.lock(session, f"feed\n{course}")
         results.number_new(session, course)
     with database.read() as session:
-        return [row for row, *_ in results.feed(session, course, after, 1000)]
+        return [row for row, *_ in results.list_feed(session, course, after, 1000)]
 
 
 def the_result(database: Database, key: LearnerAt) -> Result | None:
@@ -276,7 +276,7 @@ class Learning(RuleBasedStateMachine):
     @invariant()
     def the_result_is_what_the_policy_counts(self) -> None:
         attempts = sorted(self.attempts, key=lambda attempt: attempt.id)
-        expected = counted(attempts, self.library.quiz(self.key.quiz).default_policy, self.extension)
+        expected = count_points(attempts, self.library.quiz(self.key.quiz).default_policy, self.extension)
         result = the_result(self.database, self.key)
         if result is None:
             assert expected.sources == ()

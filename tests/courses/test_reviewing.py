@@ -17,7 +17,7 @@ from grader.courses.answering import results
 from grader.courses.people.identity import Identity, Role
 from grader.courses.people.pseudonyms import Blinding
 from grader.courses.reviewing import reviews, rubric_changes
-from grader.courses.reviewing.blinding import blinded
+from grader.courses.reviewing.blinding import hide_names
 from grader.courses.reviewing.desk import Desk
 from grader.courses.rules.rubric import Mark
 from grader.domain.verdict import Status, Verdict
@@ -298,14 +298,14 @@ class Reviewing(RuleBasedStateMachine):
     @invariant()
     def disagreements_are_the_marks_that_differ(self) -> None:
         with self.database.read() as session:
-            found = stored.disagreements(session, SubmissionFilter(self.course), None, 100)
+            found = stored.list_disagreements(session, SubmissionFilter(self.course), None, 100)
         assert [row.id for row, _ in found] == [answer.id for answer in self.answers if self.differs(answer)]
 
     @invariant()
     def the_first_mark_or_the_last_decision_counts(self) -> None:
         with self.database.read() as session:
             rows = {row.id: row for row in submissions.page(session, SubmissionFilter(self.course), None, 100)}
-            verdicts = submissions.verdicts(session, rows.values())
+            verdicts = submissions.read_verdicts(session, rows.values())
             for answer in self.answers:
                 points = 0.0 if answer.first is None else answer.first.points(self.rubric)
                 assert verdicts[answer.id]["points"] == points
@@ -329,8 +329,8 @@ class Reviewing(RuleBasedStateMachine):
     def reviewers_are_blind(self) -> None:
         with self.database.read() as session:
             rows = submissions.page(session, SubmissionFilter(self.course), None, 100)
-            verdicts = submissions.verdicts(session, rows)
-            seen = blinded(self.desk, session, self.who("tina"), rows, verdicts)
+            verdicts = submissions.read_verdicts(session, rows)
+            seen = hide_names(self.desk, session, self.who("tina"), rows, verdicts)
         for answer in self.answers:
             hidden = self.lacks_second(answer, "tina")
             assert (seen.verdicts[answer.id]["status"] == "needs_review") == (hidden or answer.first is None)

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from grader.courses.rules.rubric import Mark, marked, recomputed, reviewed_by_rubric, rubric_points
+from grader.courses.rules.rubric import Mark, mark_verdict, recompute_points, reviewed_by_rubric, rubric_points
 from grader.domain.rubric import RubricItem
-from grader.domain.verdict import Finding, Status, Verdict, reviewed
+from grader.domain.verdict import Finding, Status, Verdict, apply_review
 from grader.questions.kinds.script import ScriptQuestion
 from grader.questions.kinds.text import TextQuestion
 
@@ -64,46 +64,46 @@ def test_an_item_that_is_not_there_is_refused() -> None:
 def test_changed_points_are_recomputed_and_the_comment_stays() -> None:
     verdict = reviewed_by_rubric(WAITING, question(), ["damping", "units"], "Well put.")
     changed = question([{**ITEMS[0], "points": 2}, {**ITEMS[1], "points": 2}, ITEMS[2]])
-    again = recomputed(verdict, changed)
+    again = recompute_points(verdict, changed)
     assert again.points == 1.5
     assert again.findings[0].message == "Well put."
-    assert recomputed(again, changed) is again
+    assert recompute_points(again, changed) is again
 
 
 def test_an_item_that_was_removed_gives_no_points() -> None:
     verdict = reviewed_by_rubric(WAITING, question(), ["damping", "units"], "")
-    again = recomputed(verdict, question([{**ITEMS[0], "points": 4}, ITEMS[1]]))
+    again = recompute_points(verdict, question([{**ITEMS[0], "points": 4}, ITEMS[1]]))
     assert again.points == 4
     assert again.findings[0].measured == {"rubric": [{**ITEMS[0], "points": 4}]}
 
 
 def test_the_points_of_the_question_are_followed_too() -> None:
     verdict = reviewed_by_rubric(WAITING, question(), ["damping", "bound"], "")
-    again = recomputed(verdict, question(points=3))
+    again = recompute_points(verdict, question(points=3))
     assert (again.points, again.max_points, again.status) == (3, 3, Status.CORRECT)
 
 
 @pytest.mark.parametrize("ticked", [None, ("damping",)])
 def test_a_review_gives_the_points_that_the_question_has_now(ticked: tuple[str, ...] | None) -> None:
     raised = question([*ITEMS, {"id": "more", "title": "Says more", "points": 4}], 8)
-    verdict = marked(WAITING, raised, Mark(ticked, 6))
+    verdict = mark_verdict(WAITING, raised, Mark(ticked, 6))
     assert (verdict.points, verdict.max_points, verdict.status) == (6, 8, Status.PARTIAL)
     with pytest.raises(ValueError, match="between 0 and 8"):
-        marked(WAITING, raised, Mark(ticked, 9))
+        mark_verdict(WAITING, raised, Mark(ticked, 9))
     with pytest.raises(ValueError, match="between 0 and 4"):
-        marked(WAITING, None, Mark(None, 6))  # the content has lost the question
+        mark_verdict(WAITING, None, Mark(None, 6))  # the content has lost the question
 
 
 def test_verdicts_without_ticked_items_are_left_alone() -> None:
-    by_hand = reviewed(WAITING, 1.25, "Half of it.")
-    assert recomputed(by_hand, question()) is by_hand
-    assert recomputed(WAITING, question()) is WAITING
+    by_hand = apply_review(WAITING, 1.25, "Half of it.")
+    assert recompute_points(by_hand, question()) is by_hand
+    assert recompute_points(WAITING, question()) is WAITING
 
 
 def test_a_review_survives_its_json() -> None:
     verdict = reviewed_by_rubric(WAITING, question(), ["damping"], "")
     stored = Verdict.model_validate_json(verdict.model_dump_json())
-    assert recomputed(stored, question([{**ITEMS[0], "points": 1}, {**ITEMS[1], "points": 3}])).points == 1
+    assert recompute_points(stored, question([{**ITEMS[0], "points": 1}, {**ITEMS[1], "points": 3}])).points == 1
 
 
 rubrics = st.lists(st.integers(-4, 8), min_size=1, max_size=5).map(
@@ -119,10 +119,10 @@ def test_recomputing_is_reviewing_again_with_the_new_rubric(
     before, after = question([*old, *top]), question([*new, *top])
     ids = {f"i{n}" for n in ticked} & {item.id for item in before.rubric}
     verdict = reviewed_by_rubric(WAITING, before, ids, "x")
-    again = recomputed(verdict, after)
+    again = recompute_points(verdict, after)
     assert again == reviewed_by_rubric(verdict, after, ids & {item.id for item in after.rubric}, "x")
     assert 0 <= again.points <= 4
-    assert recomputed(again, after) is again
+    assert recompute_points(again, after) is again
 
 
 def test_thirds_that_add_up_are_full_marks() -> None:

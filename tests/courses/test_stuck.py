@@ -135,6 +135,6 @@ def test_only_the_newest_submissions_of_a_course_are_looked_at(session: Session)
     since = now() - RECENT
 
     def names(newest: int) -> set[str]:
-        return {one.name for one in submissions.unsolved(session, COURSE, since, 3, newest=newest, limit=9)}
+        return {one.name for one in submissions.find_unsolved(session, COURSE, since, 3, newest=newest, limit=9)}
 
     assert [names(newest) for newest in (6, 5, 7)] == [{"ann", "bob"}, {"bob"}, {"ann", "bob"}]

@@ -12,7 +12,7 @@ from typing import Any
 import mujoco
 import pytest
 
-from grader.courses.rules.policy import revealing
+from grader.courses.rules.policy import limit_feedback
 from grader.domain.run import Job, RunReport
 from grader.domain.verdict import Status, Verdict
 from grader.errors import ContentError
@@ -164,7 +164,7 @@ def test_feedback_says_what_line_and_draws_both_models_as_far_as_the_author_allo
     titles = {finding.id: finding.title for finding in verdict.findings}
     hidden = next(finding for finding in verdict.findings if finding.id == "driven.1")
     assert (hidden.measured, hidden.expected) == (None, None)
-    seen = [revealing(verdict, reveal).evidence for reveal in ("direction", "size", "value")]
+    seen = [limit_feedback(verdict, reveal).evidence for reveal in ("direction", "size", "value")]
     assert ["references" in one for one in seen] == [False, False, True]
     mine, both = (draw_figures(one, titles) for one in seen[1:])
     assert [one.title for one in mine] == ["The parts: the model", "Released at rest: the model"]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from exercises.test_values_exercise import folder
-from grader.courses.rules.policy import revealing
+from grader.courses.rules.policy import limit_feedback
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Verdict
 from grader.exercises import judge_exercise, plan_exercise
@@ -250,8 +250,8 @@ def test_where_only_the_direction_is_told_no_number_leaks(grade: Callable[..., V
     shown = set()
     for program in ("2 * (a + b + 1.25)", "-(a + b + 1.25)", "a - 7.7"):
         verdict = grade(source, f"def two(a, b):\n    return {program}, a * b\n", {})
-        told = json.loads(revealing(verdict, "direction").model_dump_json())
+        told = json.loads(limit_feedback(verdict, "direction").model_dump_json())
         shown.add(json.dumps(told["findings"]) + json.dumps(told["evidence"]) + str(told["diagnosis"]))
-        assert "sum is off by" in json.dumps(revealing(verdict, "size").model_dump(mode="json")["findings"])
+        assert "sum is off by" in json.dumps(limit_feedback(verdict, "size").model_dump(mode="json")["findings"])
     assert len(shown) == 1
     assert "sum is wrong." in next(iter(shown))

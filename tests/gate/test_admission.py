@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from grader.courses.people.identity import Identity, Kind, Recalled, Role, issue
-from grader.courses.people.members import named
+from grader.courses.people.members import get_named
 from grader.errors import (
     CallerError,
     ContentError,
@@ -91,7 +91,7 @@ def test_a_token_is_valid_only_as_a_whole_and_until_it_is_revoked(site: Any) -> 
 
 def test_an_expired_token_is_401(site: Any) -> None:
     with site.app.state.services.database.write() as session:
-        ann = named(session, "ann", Role.STUDENT)
+        ann = get_named(session, "ann", Role.STUDENT)
         expiring = issue(session, Kind.TOKEN, ann, timedelta(seconds=-1))
     response = site.anonymous({"Authorization": f"Bearer {expiring}"}).get(f"{API}/quizzes")
     assert response.status_code == 401
@@ -176,7 +176,7 @@ def test_an_unexpected_error_is_500_without_details(
     def broken(*_: object) -> None:
         raise RuntimeError("a path /srv/secret and a token grt_1")
 
-    monkeypatch.setattr("grader.api.learning.quizzes.summary", broken)
+    monkeypatch.setattr("grader.api.learning.quizzes.summarise_quiz", broken)
     body = problem(ann.get(f"{API}/quizzes"))
     assert body["status"] == 500
     assert "secret" not in str(body)

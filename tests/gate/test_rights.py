@@ -23,7 +23,7 @@ from sqlalchemy import MetaData, Table
 from grader.api import routes as api_routes
 from grader.courses.people import devices
 from grader.courses.people.identity import COOKIE, DEFAULT_COURSE, Kind, Role, Scope, issue
-from grader.courses.people.members import named
+from grader.courses.people.members import get_named
 from grader.gate.admission import PREFIX
 from grader.settings import Settings
 from grader.store import credentials, tickets
@@ -275,8 +275,8 @@ def prepare_credentials(world: World) -> None:
     """Issues every kind of credential."""
     day, ago = timedelta(days=1), timedelta(days=-1)
     with world.database.write() as session:
-        people = {role: named(session, f"any {role}", role) for role in ROLES}
-        other = named(session, "otto", Role.INSTRUCTOR, ELSEWHERE)
+        people = {role: get_named(session, f"any {role}", role) for role in ROLES}
+        other = get_named(session, "otto", Role.INSTRUCTOR, ELSEWHERE)
         session.flush()
         tina = people[Role.INSTRUCTOR]
         tokens = {role.value: issue(session, Kind.TOKEN, member) for role, member in people.items()}

@@ -17,7 +17,7 @@ from grader.domain import lab as parts
 from grader.domain.lab import LabConfig
 from grader.errors import Fault
 from grader.labs import LabRun, check_lab, run_lab
-from grader.library.checking.mjcf import flattened
+from grader.library.checking.mjcf import flatten
 from labs.made_up import FINGER, LABS, MadeUp
 
 ROOT = Path(__file__).parents[2]
@@ -33,7 +33,7 @@ def config_of(lab: MadeUp) -> LabConfig:
 
 
 def xml_of(lab: MadeUp) -> str:
-    whole = flattened(lab.xml, "models/hand.xml", {"models/finger.xml": FINGER}.__getitem__)
+    whole = flatten(lab.xml, "models/hand.xml", {"models/finger.xml": FINGER}.__getitem__)
     assert isinstance(whole, str), whole
     return whole
 
@@ -114,6 +114,6 @@ def test_an_attached_file_that_is_missing_is_a_fault() -> None:
         return Fault(name, "path", "is not a file of the content folder")
 
     (lab,) = (lab for lab in LABS if lab.name == "attached fingers")
-    found = flattened(lab.xml, "models/hand.xml", missing)
+    found = flatten(lab.xml, "models/hand.xml", missing)
     assert isinstance(found, list)
     assert [fault.why for fault in found] == ["attaches 'finger.xml', which is not a file of the content folder"]

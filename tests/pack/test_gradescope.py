@@ -25,8 +25,8 @@ from packaging.utils import canonicalize_name
 from grader.errors import Conflict, NotFound, Unprocessable
 from grader.library import load
 from grader.pack import pack_gradescope
-from grader.pack.gradescope import wheels
-from grader.pack.wheel import constraints, write_wheel
+from grader.pack.gradescope import build_wheels
+from grader.pack.wheel import list_constraints, write_wheel
 from support.content import PASSED, load_content
 
 ROOT = Path(__file__).parents[2]
@@ -274,11 +274,11 @@ def test_a_kind_of_another_package_comes_along(tmp_path: Path, monkeypatch: pyte
     (notes / "entry_points.txt").write_text("[grader.exercise_kinds]\nexact-text = exact_text:ExactText\n")
     shutil.copy(ROOT / "tests/exercises/plugin/exact_text.py", tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    packed = {member.path: member.data for member in wheels("exact-text")}
+    packed = {member.path: member.data for member in build_wheels("exact-text")}
     with zipfile.ZipFile(io.BytesIO(packed["wheels/grader_exact_text-1.0-py3-none-any.whl"])) as wheel:
         assert "exact_text.py" in wheel.namelist()
     assert len([name for name in packed if name.endswith(".whl")]) == 2
-    assert len([member for member in wheels("threshold") if member.path.endswith(".whl")]) == 1
+    assert len([member for member in build_wheels("threshold") if member.path.endswith(".whl")]) == 1
 
 
 def test_the_wheel_pins_the_versions_that_are_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -287,7 +287,7 @@ def test_the_wheel_pins_the_versions_that_are_installed(tmp_path: Path, monkeypa
     notes.mkdir()
     (notes / "METADATA").write_text("Metadata-Version: 2.1\nName: mujoco\nVersion: 4.5.6\n")
     monkeypatch.syspath_prepend(tmp_path)
-    packed = {member.path: member.data.decode(errors="ignore") for member in wheels("threshold")}
+    packed = {member.path: member.data.decode(errors="ignore") for member in build_wheels("threshold")}
     with zipfile.ZipFile(write_wheel(distribution("mujoco-grader"), "grader", tmp_path)) as wheel:
         [name] = [one for one in wheel.namelist() if one.endswith("/METADATA")]
         metadata = wheel.read(name).decode()
@@ -301,7 +301,7 @@ def test_the_wheel_pins_the_versions_that_are_installed(tmp_path: Path, monkeypa
 
 
 def test_the_versions_are_those_that_are_installed_here_and_needed() -> None:
-    lines = constraints(["mujoco-grader"]).splitlines()
+    lines = list_constraints(["mujoco-grader"]).splitlines()
     names = {line.partition("==")[0].lower().replace("_", "-") for line in lines}
     assert {"mujoco", "numpy", "psycopg-binary", "typer"} <= names
     assert not {"pytest", "mypy", "mujoco-grader"} & names

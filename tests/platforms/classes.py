@@ -10,7 +10,7 @@ from grader.courses.answering.intake import NewAnswer, Receipt, store_answers
 from grader.courses.people.identity import Identity, Role
 from grader.courses.people.tokens import create_token
 from grader.courses.sending.outbox import send_scores
-from grader.domain.verdict import Status, Verdict, reviewed
+from grader.domain.verdict import Status, Verdict, apply_review
 from grader.grading.content import Contents
 from grader.store.engine.database import Database
 from grader.store.results import of_learner
@@ -51,7 +51,7 @@ class Class:
         """Decides on the learner's open answers."""
         verdict = Verdict(status=Status.PARTIAL if points < 1 else Status.CORRECT, points=points, max_points=1.0)
         if comment is not None:
-            verdict = reviewed(verdict, points, comment)
+            verdict = apply_review(verdict, points, comment)
         with self.database.write() as session:
             theirs = select(Submission).where(Submission.learner == who.id, Submission.question == "q4")
             for submission in session.scalars(theirs).all():

@@ -16,7 +16,7 @@ from grader.grading.pipeline import Retries
 from grader.platforms.sending.access_tokens import AccessTokens
 from grader.platforms.sending.delivering import Delivering
 from grader.platforms.sending.line_items import LineItems
-from grader.platforms.sending.outgoing import Outgoing, certificates
+from grader.platforms.sending.outgoing import Outgoing, load_certificates
 from grader.platforms.sending.scores import FindTarget, Scores
 from grader.queue import jobs
 from grader.queue.worker import Worker
@@ -67,7 +67,7 @@ def main() -> None:
 
     What takes seconds, to import it all, is done once.
     """
-    certificates()
+    load_certificates()
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     for line in sys.stdin:
         child = os.fork()

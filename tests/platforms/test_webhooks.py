@@ -356,7 +356,7 @@ def test_old_deliveries_that_were_sent_are_pruned(site: Site, teacher: httpx.Cli
     with database.write() as session:
         first = update(Delivery).where(Delivery.id == int(listed(teacher)[0]["id"]))
         session.execute(first.values(sent_at=now() - timedelta(days=40)))
-    assert pruning.deliveries(database, now() - timedelta(days=30)) == 1
+    assert pruning.prune_deliveries(database, now() - timedelta(days=30)) == 1
     assert [one["state"] for one in listed(teacher)] == ["sent", "waiting"]
 
 

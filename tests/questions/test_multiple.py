@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from grader.courses.rules.policy import revealing
+from grader.courses.rules.policy import limit_feedback
 from grader.domain.verdict import Status
 from grader.errors import InvalidAnswer
 from grader.questions import grade_answer, kind_of, parse_question
@@ -89,7 +89,7 @@ def test_a_wrong_answer_is_told_of_its_own_options_and_that_some_are_missing() -
     assert [finding.message for finding in verdict.findings] == [
         '"Euler" is right. W0.', '"RK4" is not right. W1.', "At least one right option is not chosen.",
     ]  # fmt: skip
-    hidden = revealing(verdict, "size").model_dump_json()
+    hidden = limit_feedback(verdict, "size").model_dump_json()
     assert "implicit" not in hidden
     assert "SECRET" not in hidden
     assert verdict.findings[-1].expected == "implicit"

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grader.certify.keys import certify_quizzes
-from grader.courses.rules.policy import revealing
+from grader.courses.rules.policy import limit_feedback
 from grader.domain.verdict import Status
 from grader.errors import ContentError, InvalidAnswer
 from grader.library import load
@@ -90,7 +90,8 @@ def test_numbers_that_stand_in_each_others_fields_are_told_so() -> None:
 
 def test_the_direction_alone_tells_no_slip_and_no_size() -> None:
     told = [
-        revealing(grade_answer(asked(reveal="direction"), {"T": value, "m": -2}), "direction") for value in (50, 51.7)
+        limit_feedback(grade_answer(asked(reveal="direction"), {"T": value, "m": -2}), "direction")
+        for value in (50, 51.7)
     ]
     assert [one.findings[0].message for one in told] == ["50 ms is too high.", "51.7 ms is too high."]
     assert all(one.diagnosis is None and one.findings[0].expected is None for one in told)

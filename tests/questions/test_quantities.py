@@ -16,7 +16,7 @@ from grader.questions.kinds.number.numbers import read_number as read_folded
 from grader.questions.kinds.number.quantities import CHARACTERS_MAX, read_quantity
 from grader.questions.kinds.number.spelling import fold
 from grader.questions.kinds.number.unit_names import COMMON
-from grader.questions.kinds.number.units import registry
+from grader.questions.kinds.number.units import get_registry
 
 
 def read_number(text: str) -> TypedNumber:
@@ -239,7 +239,7 @@ def test_any_text_is_read_or_refused_with_one_sentence(text: str) -> None:
 
 @pytest.mark.parametrize(("name", "full_name"), COMMON.items())
 def test_a_common_unit_is_what_pint_reads(name: str, full_name: str) -> None:
-    assert registry().get_name(name) == full_name
+    assert get_registry().get_name(name) == full_name
 
 
 def test_a_number_that_its_unit_makes_too_large_is_refused_in_one_sentence() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grader.errors import InvalidAnswer
-from grader.questions.kinds.number.units import FAMILIES, UNCLEAR, Rotation, convert, read_unit, registry
+from grader.questions.kinds.number.units import FAMILIES, UNCLEAR, Rotation, convert, get_registry, read_unit
 
 PRODUCTS = ("N m/rad", "N m/deg", "m/s", "km/h", "kg m^2", "g cm^2", "rad/s", "deg/s", "rpm", "Hz", "1/s")
 
@@ -35,7 +35,7 @@ def test_a_conversion_has_the_bits_of_pint(pair: tuple[str, str], value: float) 
         with pytest.raises(InvalidAnswer, match="counts rotation"):
             convert(value, one, other)
     elif not (one.rotation in SAME and other.rotation in SAME and one.rotation is not other.rotation):
-        assert convert(value, one, other) == registry().Quantity(value, one.quantity).to(other.quantity).magnitude
+        assert convert(value, one, other) == get_registry().Quantity(value, one.quantity).to(other.quantity).magnitude
 
 
 @pytest.mark.parametrize(("one", "other", "value", "expected"), [("ms", "s", 5.0, 0.005), ("degC", "K", 20.0, 293.15)])

@@ -225,7 +225,7 @@ def test_a_verdict_of_another_worker_is_never_followed_by_a_second(database: Dat
     with database.read() as session:
         submission = session.get_one(Submission, submission_id)
         assert submission.revision == 1
-        assert submissions.verdicts(session, [submission])[submission_id]["status"] == "correct"
+        assert submissions.read_verdicts(session, [submission])[submission_id]["status"] == "correct"
 
 
 def test_earlier_topics_go_first_and_a_worker_takes_only_topics_that_it_knows(database: Database) -> None:
@@ -257,7 +257,7 @@ def test_a_fault_of_ours_is_retried_and_then_costs_no_attempt(database: Database
         submission = session.get_one(Submission, submission_id)
         assert submission.status == "graded"
         assert not submission.uses_attempt
-        verdict = submissions.verdicts(session, [submission])[submission_id]
+        verdict = submissions.read_verdicts(session, [submission])[submission_id]
         assert verdict["status"] == "grader_fault"
     expected = ["queued", "running", "queued", "running", "queued", "running", "graded"]
     assert state(database, submission_id)[1] == expected
@@ -287,7 +287,7 @@ def test_a_job_that_kills_its_worker_every_time_ends_as_our_fault(database: Data
     assert worker.do_one()
     with database.read() as session:
         submission = session.get_one(Submission, submission_id)
-        assert submissions.verdicts(session, [submission])[submission_id]["status"] == "grader_fault"
+        assert submissions.read_verdicts(session, [submission])[submission_id]["status"] == "grader_fault"
 
 
 def test_a_stopped_worker_gives_back_what_it_was_grading(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:

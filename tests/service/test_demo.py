@@ -68,7 +68,7 @@ def test_the_verdicts_are_those_of_the_judge_and_nothing_is_mixed(tmp_path: Path
     database = Database(settings.database)
     with database.read() as session:
         rows = session.scalars(select(Submission)).all()
-        verdicts = submissions.verdicts(session, rows)
+        verdicts = submissions.read_verdicts(session, rows)
         scripts = [row for row in rows if row.seed is not None]
         assert filled.answers == len(rows) and filled.judged == len({row.answer for row in scripts}) > 1
         assert {row.status for row in rows} <= {"graded", NEEDS_REVIEW}
@@ -93,7 +93,7 @@ def test_the_verdicts_are_those_of_the_judge_and_nothing_is_mixed(tmp_path: Path
     with pytest.raises(Conflict, match="holds answers of other courses"):
         fill_demo(settings, said.append, course="second", learners=2, seed=3, now=NOW)
     with database.write() as session:
-        members.named(session, "ada", Role.STUDENT, "second")
+        members.get_named(session, "ada", Role.STUDENT, "second")
     beside = fill_demo(settings, said.append, course="second", learners=1, seed=3, beside=True, now=NOW)
     assert (beside.course, beside.learners) == ("second", 1)
     database.close()

@@ -64,7 +64,7 @@ def test_cached_statistics_are_those_that_would_be_computed_now(database: Databa
         hidden = (COURSE.learner(chance.randrange(3)), "q1")
         unseen = frozenset(chance.sample([hidden], chance.randint(0, 1)))
         with database.read() as session:
-            state = results.state(session, COURSE.name, [COURSE.quiz])
+            state = results.read_state(session, COURSE.name, [COURSE.quiz])
         version = Version(COURSE.name, QUIZ, "digest", frozenset([COURSE.learner(0)]), unseen, state)
         computed = Statistics(database).compute(version)
         assert statistics.compute(version) == statistics.compute(version) == computed

@@ -33,7 +33,7 @@ def test_comments_are_exported_and_erased_with_the_learner_and_copies_are_emptie
     database = Database(f"sqlite:///{tmp_path / 'grader.db'}")
     database.migrate()
     with database.write() as session:
-        ann, bob, tina = (members.named(session, name, role, "c") for name, role in
+        ann, bob, tina = (members.get_named(session, name, role, "c") for name, role in
                           (("ann", Role.STUDENT), ("bob", Role.STUDENT), ("tina", Role.INSTRUCTOR)))  # fmt: skip
         session.flush()
         hers, his, copy, own = hand_in(ann, "a"), hand_in(bob, "b"), hand_in(tina, "a SECRET"), hand_in(tina, "mine")

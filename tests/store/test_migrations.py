@@ -96,20 +96,20 @@ def shape(connection: Connection) -> dict[str, Any]:
 
 
 def test_the_newest_revision_is_read_off_the_names_of_the_files() -> None:
-    assert revisions.newest() == revisions.revisions()[-1]
+    assert revisions.find_newest() == revisions.list_revisions()[-1]
 
 
 def test_an_empty_sqlite_file_gets_the_very_tables_that_all_revisions_make(tmp_path: Path) -> None:
     made = text("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL ORDER BY sql LIKE 'CREATE TABLE%' DESC, name")
     found: dict[str, list[str]] = {}
-    ways: dict[str, list[Any]] = {"one by one": revisions.revisions(), "at once": [None]}
+    ways: dict[str, list[Any]] = {"one by one": revisions.list_revisions(), "at once": [None]}
     for way, targets in ways.items():
         with closing(Database(f"sqlite:///{tmp_path / way}.db")) as database:
             for target in targets:
                 database.migrate(target)
             with database.engine.connect() as connection:
                 found[way] = [*map(str, connection.scalars(made))]
-                assert revisions.current(connection) == revisions.newest()
+                assert revisions.find_current(connection) == revisions.find_newest()
                 shapes = shape(connection)
         if way == "one by one" and os.environ.get("GRADER_TEST_REWRITE"):
             Path(str(revisions.NEWEST_TABLES)).write_text(";\n\n".join(found[way]) + ";\n", encoding="utf-8")
@@ -119,7 +119,7 @@ def test_an_empty_sqlite_file_gets_the_very_tables_that_all_revisions_make(tmp_p
 
 def test_every_revision_down_and_up_again_with_rows_in_every_table(database: Database) -> None:
     shapes: dict[str, Any] = {}
-    for revision in revisions.revisions():
+    for revision in revisions.list_revisions():
         database.migrate(revision)
         with database.engine.connect() as connection:
             shapes[revision] = shape(connection)
@@ -127,10 +127,10 @@ def test_every_revision_down_and_up_again_with_rows_in_every_table(database: Dat
         connection = session.connection()
         assert len(fill(connection)) == len(shapes[revision]) - 2  # the triggers and Alembic's own
         lasting = list(connection.execute(text(LASTING)))
-    for revision in [*revisions.revisions()[::-1], *revisions.revisions()]:
+    for revision in [*revisions.list_revisions()[::-1], *revisions.list_revisions()]:
         database.migrate(revision)
         with database.engine.connect() as connection:
-            assert revisions.current(connection) == revision
+            assert revisions.find_current(connection) == revision
             assert shape(connection) == shapes[revision]
             assert connection.execute(text(LASTING)).all() == lasting
             assert connection.scalar(text("SELECT count(*) FROM jobs")) == ROWS

@@ -10,7 +10,7 @@ from sqlalchemy import literal, select
 
 from grader.store import people
 from grader.store.engine.database import Database
-from grader.store.engine.names import Folded, folded, holds
+from grader.store.engine.names import Folded, fold_name, holds
 from grader.store.tables import Member
 from support.databases import BACKENDS, open_database
 
@@ -59,12 +59,12 @@ def test_they_are_found(database: Database, part: str, found: set[str]) -> None:
 def test_both_databases_fold_latin_names_alike(database: Database, name: str) -> None:
     with database.read() as session:
         told = session.scalar(select(Folded(literal(name))))
-    assert unicodedata.normalize("NFC", told or "").lower() == folded(name)
+    assert unicodedata.normalize("NFC", told or "").lower() == fold_name(name)
 
 
 @given(st.text())
 def test_folding_twice_changes_nothing_more(text: str) -> None:
-    once = folded(text)
+    once = fold_name(text)
     assert once is not None
-    assert folded(folded(once)) == folded(once)
-    assert folded(unicodedata.normalize("NFC", text)) == folded(unicodedata.normalize("NFD", text))
+    assert fold_name(fold_name(once)) == fold_name(once)
+    assert fold_name(unicodedata.normalize("NFC", text)) == fold_name(unicodedata.normalize("NFD", text))

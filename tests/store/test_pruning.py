@@ -15,7 +15,7 @@ from grader.courses.people.sign_in import PRUNED, start_session
 from grader.domain.verdict import Status, Verdict
 from grader.store import submissions
 from grader.store.engine.database import Database
-from grader.store.results import instructors
+from grader.store.results import list_instructors
 from grader.store.tables import Base, Credential, Event, IdempotencyKey, Member, Submission, now
 from grader.store.upkeep import pruning
 from support.databases import BACKENDS, open_database
@@ -79,7 +79,7 @@ def test_old_keys_and_passed_events_go_in_small_batches(database: Database, monk
     recent = hand_in(database, timedelta(), 6)
     before = now() - LIMIT
     assert pruning.idempotency_keys(database, before) == 6
-    assert pruning.events(database, before) == 10
+    assert pruning.prune_events(database, before) == 10
     assert count(database, IdempotencyKey) == 1
     with database.read() as session:
         left = {
@@ -113,7 +113,7 @@ def test_sqlite_finds_each_row_that_is_deleted_by_its_key(tmp_path: Path) -> Non
 
 def test_a_listener_hears_the_last_event_and_numbers_go_on(database: Database) -> None:
     key = hand_in(database, OLD, 1)
-    pruning.events(database, now() - LIMIT)
+    pruning.prune_events(database, now() - LIMIT)
     with database.write() as session:
         submissions.append_verdict(session, session.get_one(Submission, key), VERDICT, "regrade")
     with database.read() as session:
@@ -122,9 +122,9 @@ def test_a_listener_hears_the_last_event_and_numbers_go_on(database: Database) -
 
 def test_ended_sessions_go_with_members_who_have_no_other_way_back(database: Database) -> None:
     with database.write() as session:
-        tina = members.named(session, "tina", Role.INSTRUCTOR)
+        tina = members.get_named(session, "tina", Role.INSTRUCTOR)
         session.flush()
-        for member in (tina, members.unnamed(session), members.unnamed(session)):
+        for member in (tina, members.make_unnamed(session), members.make_unnamed(session)):
             start_session(session, member)
     with database.write() as session:
         kept = session.scalars(select(Member.id).where(Member.account.is_(None))).first()
@@ -134,8 +134,8 @@ def test_ended_sessions_go_with_members_who_have_no_other_way_back(database: Dat
     with database.read() as session:
         assert set(session.scalars(select(Credential.member))) == {kept}
         assert set(session.scalars(select(Member.id))) == {kept, tina.id}
-        assert instructors(session, "default") == {tina.id}  # their tries still do not count as a learner's
+        assert list_instructors(session, "default") == {tina.id}  # their tries still do not count as a learner's
 
 
 def test_events_of_nothing_are_nothing(database: Database) -> None:
-    assert pruning.events(database, now()) == count(database, Event) == 0
+    assert pruning.prune_events(database, now()) == count(database, Event) == 0

@@ -92,8 +92,8 @@ def test_a_page_has_whom_a_computation_from_scratch_has(
         for by, descending in product(ORDERS, (False, True)):
             wanted = Ranking(*of_quiz, find, show, by, descending, reviewer)
             everybody = from_scratch(session, wanted)
-            assert results.ranked(session, wanted, 0, 100) == everybody
-            assert results.ranked(session, wanted, 2, 3) == everybody[2:5]
+            assert results.rank_learners(session, wanted, 0, 100) == everybody
+            assert results.rank_learners(session, wanted, 2, 3) == everybody[2:5]
 
 
 @pytest.mark.parametrize("reviewer", ["", REVIEWER])

@@ -151,7 +151,7 @@ def test_an_instant_answer_comes_with_its_verdict(database: Database) -> None:
         assert submission is not None
         assert (submission.status, submission.revision, submission.version) == ("graded", 1, 1)
         assert submission.created_at.utcoffset() is not None
-        assert submissions.verdicts(session, [submission])[kept.id]["stdout"] == "a\x00b é"
+        assert submissions.read_verdicts(session, [submission])[kept.id]["stdout"] == "a\x00b é"
         assert [event.name for event in submissions.events_after(session, kept.id, 0)] == ["graded"]
 
 
@@ -169,7 +169,7 @@ def test_verdicts_are_added_never_changed(database: Database) -> None:
         ]
         submission = session.get_one(Submission, kept.id)
         assert submission.version == 2
-        assert submissions.verdicts(session, [submission])[kept.id]["status"] == "correct"
+        assert submissions.read_verdicts(session, [submission])[kept.id]["status"] == "correct"
 
 
 def test_a_revision_cannot_be_given_twice(database: Database) -> None:
@@ -188,9 +188,9 @@ def test_attempts_count_what_is_queued_but_not_what_could_not_be_read_or_graded(
     keep(database, a_verdict(), an_answer(question="q2"))
     with database.read() as session:
         expected = {("quiz", "q1"): Progress(2, 1, solved=False), ("quiz", "q2"): Progress(1, 0, solved=True)}
-        assert submissions.progress(session, "c", "ann") == expected
+        assert submissions.compute_progress(session, "c", "ann") == expected
         assert submissions.progress_at(session, "c", "ann", "quiz", "q1") == expected["quiz", "q1"]
-        assert submissions.pending(session, SubmissionFilter("c", learner="ann")) == 1
+        assert submissions.count_pending(session, SubmissionFilter("c", learner="ann")) == 1
 
 
 def test_pages_go_back_in_time_without_gaps(database: Database) -> None:
@@ -211,7 +211,7 @@ def test_answers_are_found_by_the_name_that_their_member_has_now(database: Datab
         for name, found in (("bea", [kept.id]), ("ann", []), ("none", [])):
             wanted = SubmissionFilter("c", name)
             assert [row.id for row in submissions.page(session, wanted, None, 3)] == found
-            assert submissions.pending(session, wanted) == len(found)
+            assert submissions.count_pending(session, wanted) == len(found)
 
 
 def test_named_locks_make_writers_wait_for_each_other(database: Database) -> None:

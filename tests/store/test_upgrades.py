@@ -63,7 +63,7 @@ def upgraded(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     with database_url(backend, folder, empty=True) as url:
         restore(backend, url, (FOLDER / f"{BEFORE}-{backend}.sql").read_text())
         with closing(Database(url)) as database, database.engine.connect() as connection:
-            assert revisions.current(connection) == BEFORE
+            assert revisions.find_current(connection) == BEFORE
         settings = Settings(data=folder, workers=1, database_url=None if backend == "sqlite" else url)
         with open_site(settings) as site:
             yield Upgraded(site, json.loads((FOLDER / f"{BEFORE}-{backend}.json").read_text()))
@@ -85,7 +85,7 @@ def assert_has(now: Any, before: Any, where: str = "") -> None:
 
 def test_the_tables_are_the_newest_and_the_answers_those_of_before(upgraded: Upgraded) -> None:
     with upgraded.site.app.state.services.database.engine.connect() as connection:
-        assert revisions.current(connection) == revisions.newest()
+        assert revisions.find_current(connection) == revisions.find_newest()
     clients = {name: upgraded.client(name) for name in ("Grace", "feed")}
     before = upgraded.recorded["answers"]
     now = answers(clients, list(before["submissions"]))

@@ -279,7 +279,7 @@ def test_a_script_that_waits_can_be_stopped_and_handed_in_again(browser: httpx.C
     assert "No attempt yet" in stopped.text
     [one] = browser.get("/api/v1/submissions").json()["items"]
     assert (one["status"], one["verdict"]["status"], one["attempt"]) == ("graded", "invalid_answer", 1)
-    assert in_database(settings, lambda session: regrades.reviewed(session, [one["id"]])) == {one["id"]}
+    assert in_database(settings, lambda session: regrades.find_reviewed(session, [one["id"]])) == {one["id"]}
     assert STOP.findall(queue(browser).text) != []
     assert [row["status"] for row in browser.get("/api/v1/submissions").json()["items"]] == ["queued", "graded"]
 

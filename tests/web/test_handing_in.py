@@ -22,7 +22,7 @@ from grader.exercises import Case, DrawnCase, ExerciseParameters, Judgement, Kin
 from grader.grading.checking import check_content
 from grader.grading.pipeline import Pipeline
 from grader.library import load
-from grader.pack.gradescope import scripts
+from grader.pack.gradescope import build_scripts
 from grader.pack.kit import list_texts
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
@@ -267,7 +267,7 @@ def test_the_command_line_and_the_packs_know_the_files(
     for name, suffix in (("three-geoms", ".xml"), ("weights", "'.npz .onnx'")):
         asked = library.question("made", name)
         assert isinstance(asked, ScriptQuestion)
-        said = next(script for script in scripts("made", asked, allow_t2=False) if script.path == "exercise.sh")
+        said = next(script for script in build_scripts("made", asked, allow_t2=False) if script.path == "exercise.sh")
         assert f"SUFFIXES={suffix}" in said.data.decode()
 
 

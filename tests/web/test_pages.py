@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from grader.settings import Settings
-from grader.web.frame.assets import digest, static
+from grader.web.frame.assets import compute_digest, static
 from grader.web.text.prose import safe_html
 from web.browsing import service
 
@@ -105,7 +105,7 @@ def test_every_file_of_the_page_is_served(client: httpx.Client, name: str) -> No
 def test_files_under_their_digest_are_kept_for_good_and_no_other(client: httpx.Client) -> None:
     address = static("style.css")
     assert f'href="{address}"' in client.get("/").text
-    kept, other = client.get(address), client.get(address.replace(digest(), "0" * len(digest())))
+    kept, other = client.get(address), client.get(address.replace(compute_digest(), "0" * len(compute_digest())))
     assert kept.headers["cache-control"] == "public, max-age=31536000, immutable"
     assert kept.content == other.content
     assert {one.headers["cache-control"] for one in (other, client.get("/static/style.css"))} == {"no-cache"}

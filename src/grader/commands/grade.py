@@ -58,7 +58,7 @@ def grade(
     ] = None,
 ) -> None:
     """Grade one answer with no server and no database. Exits 0 if it is correct, else 1."""
-    from grader.courses.rules.policy import reported
+    from grader.courses.rules.policy import report_verdict
     from grader.domain.verdict import Status
     from grader.library import load
     from grader.questions import kind_of
@@ -73,7 +73,7 @@ def grade(
     with open_pipeline(library, jailed=is_script) as pipeline:
         keyed = pipeline if key is None else replace(pipeline, secret=key.read_bytes())
         submission = keyed.read(quiz, question, given, seed)
-        verdict = reported(keyed.judge_with_retries(submission), submission.question)
+        verdict = report_verdict(keyed.judge_with_retries(submission), submission.question)
     if form is not None:
         from grader.reports import Graded, junit_xml, results_json
 
@@ -100,7 +100,7 @@ def grade_notebook(
     ] = None,
 ) -> None:
     """Grade one cell of each notebook. Prints a line of JSON for each. Exits 3 if one could not be graded."""
-    from grader.courses.rules.policy import reported
+    from grader.courses.rules.policy import report_verdict
     from grader.domain.verdict import Status
     from grader.grading.notebooks import assemble_script, find_cell, read_notebook
     from grader.library import load
@@ -118,7 +118,7 @@ def grade_notebook(
             try:
                 source = assemble_script([find_cell(read_notebook(path), cell)])
                 submission = pipeline.read(quiz, question, {"source": source})
-                verdict = reported(pipeline.judge_with_retries(submission), submission.question)
+                verdict = report_verdict(pipeline.judge_with_retries(submission), submission.question)
                 told["message"] = verdict.diagnosis
                 if verdict.status is not Status.GRADER_FAULT:
                     told |= verdict.model_dump(mode="json", include={"points", "max_points", "status"})

@@ -46,8 +46,8 @@ def prune(
     before = now() - timedelta(days=older_than)
     with open_database(data) as database:
         print(f"{pruning.idempotency_keys(database, before)} idempotency keys")
-        print(f"{pruning.events(database, before)} events")
-        print(f"{pruning.deliveries(database, before)} webhook deliveries")
+        print(f"{pruning.prune_events(database, before)} events")
+        print(f"{pruning.prune_deliveries(database, before)} webhook deliveries")
         print(f"{pruning.ended_credentials(database, PRUNED, before)} sessions and invitations")
 
 
@@ -114,7 +114,7 @@ def deliveries(
     if state not in outbox.STATES:
         raise Unprocessable(f"--state is one of {', '.join(outbox.STATES)}.")
     with open_database(data) as database, database.read() as session:
-        for row, kind in outbox.every(session, state, course):
+        for row, kind in outbox.list_all(session, state, course):
             place = "/".join(filter(None, (row.quiz, row.question)))
             print("\t".join((str(row.id), kind, row.course, row.learner, place, str(row.attempts), row.error or "")))
 

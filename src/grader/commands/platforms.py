@@ -23,7 +23,7 @@ def require_lti() -> None:
 @lti.command()
 def addresses(data: Data = None) -> None:
     """Print what to type into a platform: where it begins logins, posts launches and fetches keys."""
-    from grader.platforms.tool import addresses as of
+    from grader.platforms.tool import list_addresses as of
 
     with begin_transaction(data) as session:
         origin = find_link_origin(session, data)

@@ -27,12 +27,12 @@ def create(
 ) -> None:
     """Print a new bearer token, and nothing else, on stdout; stderr says if the user is new in the course."""
     from grader.courses.people.identity import DEFAULT_COURSE
-    from grader.courses.people.members import known
+    from grader.courses.people.members import is_known
     from grader.courses.people.tokens import create_token
 
     lifetime = None if expires is None else parse_lifetime(expires)
     with begin_transaction(data) as session:
-        is_new = not known(session, user, course or DEFAULT_COURSE)
+        is_new = not is_known(session, user, course or DEFAULT_COURSE)
         text = create_token(session, user, role, course, scopes=scope or None, lifetime=lifetime)
     if is_new:
         say(f"{user} is a new {role} of the course {course or DEFAULT_COURSE}.")
@@ -52,10 +52,10 @@ def parse_lifetime(text: str) -> timedelta:
 def list_(course: Course = None, data: Data = None, as_json: Json = False) -> None:
     """List the valid tokens of a course, one a line: id, user, role, scopes, expiry and last use."""
     from grader.courses.people.identity import DEFAULT_COURSE
-    from grader.courses.people.tokens import shown, tokens
+    from grader.courses.people.tokens import describe_credential, list_tokens
 
     with begin_transaction(data) as session:
-        rows = [shown(valid) for valid in tokens(session, course or DEFAULT_COURSE)]
+        rows = [describe_credential(valid) for valid in list_tokens(session, course or DEFAULT_COURSE)]
     if as_json:
         print(json.dumps(rows, indent=2, default=str))
         return

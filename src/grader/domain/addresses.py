@@ -50,13 +50,13 @@ def endpoint_of(url: str, private_hosts: Collection[str] = ()) -> Endpoint:
         raise RefusedURL("The URL must begin with https://.")
     if "@" in parts.netloc:
         raise RefusedURL("The URL must not hold a user name or password.")
-    address = literal(host)
+    address = read_literal(host)
     if address is not None and not is_private:
         refuse_address(address)
     return Endpoint(parts.scheme, host, PORTS[parts.scheme] if port is None else port, is_private)
 
 
-def literal(host: str) -> IPv4Address | IPv6Address | None:
+def read_literal(host: str) -> IPv4Address | IPv6Address | None:
     """The address that a host is, in its usual form; None for a name. Raises RefusedURL for neither."""
     try:
         return ip_address(host)

@@ -21,7 +21,7 @@ def without_remarks(value: Any) -> Any:
     return [without_remarks(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def misread(
+def explain_misread(
     error: ValidationError, raw: Any, known_keys: KnownKeys, choices: Mapping[str, str] = {}
 ) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """Yields the place of every refused value in the JSON value `raw`, and one reason for each place. `choices`: the
@@ -61,7 +61,7 @@ def reason_of(detail: ErrorDetails, known_keys: KnownKeys, choices: Mapping[str,
             return "is missing: add it"
         case "extra_forbidden":
             steps = [step for step in detail["loc"] if isinstance(step, str)]
-            near = nearest(steps[-1], list(known_keys(steps)))
+            near = find_nearest(steps[-1], list(known_keys(steps)))
             return f"unknown key: {f'write {near!r}, or ' if near else ''}remove it, or begin it with x-"
         case "union_tag_not_found":
             name = detail["ctx"]["discriminator"].strip("'")
@@ -78,7 +78,7 @@ def reason_of(detail: ErrorDetails, known_keys: KnownKeys, choices: Mapping[str,
     return f"{why}, not {given!r}"[:300] if isinstance(given, int | float | str | None) else why
 
 
-def nearest(name: str, known: Sequence[str]) -> str | None:
+def find_nearest(name: str, known: Sequence[str]) -> str | None:
     """Returns the known key that an unknown one is most likely a misspelling of."""
     near = get_close_matches(name, known, n=1)
     return next(

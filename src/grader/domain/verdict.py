@@ -106,7 +106,7 @@ def status_of(points: float, max_points: float) -> Status:
     return Status.PARTIAL if points > 0 else Status.INCORRECT
 
 
-def reviewed(verdict: Verdict, points: float, comment: str) -> Verdict:
+def apply_review(verdict: Verdict, points: float, comment: str) -> Verdict:
     """The verdict with the points of a reviewer, as the first finding. Measured findings stay; undecided ones with
     points are dropped. The grader's own status is kept as evidence `graded_as`: before the feedback a learner sees no
     other. Raises ValueError for points below 0 or above those of the question."""

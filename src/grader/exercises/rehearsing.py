@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from grader.domain.misread import misread
+from grader.domain.misread import explain_misread
 from grader.domain.plugins import describe_error
 from grader.errors import Fault, GraderError
 from grader.exercises.kind import Content, TextOf
@@ -71,7 +71,7 @@ def explain_misread_parameters(
 ) -> Iterator[tuple[str, str]]:
     """Yields key and reason of every parameter that pydantic refused."""
     known = list_keys(kind.parameters)
-    for place, why in misread(error, question.check.parameters, lambda _: known):
+    for place, why in explain_misread(error, question.check.parameters, lambda _: known):
         yield ".".join(map(str, place)), why
 
 

@@ -152,7 +152,7 @@ def outbox_family(session: Session) -> GaugeMetricFamily:
     """What the outbox still holds, and its dead letters."""
     names = ("kind", "state")
     family = GaugeMetricFamily("grader_outbox_deliveries", "Deliveries that are not sent.", labels=names)
-    counts = outbox.counts(session)
+    counts = outbox.count_rows(session)
     for kind in outbox.KINDS:
         for state in (outbox.WAITING, outbox.HELD, outbox.DEAD):
             family.add_metric((kind, state), counts.get((kind, state), 0))

@@ -71,7 +71,7 @@ class Archive:
         """Lets courses that are not among these use the content of all courses, though they had their own."""
         with self._database.write() as session:
             self._database.lock(session, "content")
-            for course in contents.courses(session) - {*courses}:
+            for course in contents.list_courses(session) - {*courses}:
                 contents.use(session, course, {})
 
     def current_library(self, session: Session, course: str, quiz: str) -> Library:

@@ -35,7 +35,7 @@ def parse_json(text: str, file: str) -> Any | Fault:
         return _fault_at(text, position, file, "remove the comma after the last item")
     except (RecursionError, ValueError):
         return Fault(file, "whole file", "broken JSON: nested too deeply, or a number with too many digits")
-    too_deep = depth(value) > DEPTH_MAX
+    too_deep = measure_depth(value) > DEPTH_MAX
     return Fault(file, "whole file", f"nested deeper than {DEPTH_MAX} levels") if too_deep else value
 
 
@@ -61,7 +61,7 @@ def _cure(text: str, position: int) -> str:
     return ""
 
 
-def depth(value: Any) -> int:
+def measure_depth(value: Any) -> int:
     """Returns the depth of nesting of lists and objects."""
     level, levels = [value], 0
     while level:
@@ -78,18 +78,18 @@ def json_faults(value: Any, file: str, key: str) -> Iterator[Fault]:
     """Faults for repeated keys, and for numbers and texts that JSON cannot represent, at any depth."""
     if isinstance(value, JsonObject):
         for name in value.repeated:
-            yield Fault(file, dotted(key, name), "occurs more than once: keep one")
+            yield Fault(file, join_key(key, name), "occurs more than once: keep one")
         for name, item in value.items():
-            yield from json_faults(item, file, dotted(key, name))
+            yield from json_faults(item, file, join_key(key, name))
     elif isinstance(value, list):
         for index, item in enumerate(value):
-            yield from json_faults(item, file, dotted(key, index))
+            yield from json_faults(item, file, join_key(key, index))
     elif isinstance(value, str) and SURROGATE.search(value):
         yield Fault(file, key, "holds half a surrogate pair, which is not a character: write the character itself")
     elif isinstance(value, float) and not math.isfinite(value):
         yield Fault(file, key, "must be a finite number: JSON has no NaN and no infinity")
 
 
-def dotted(key: str, *parts: str | int) -> str:
+def join_key(key: str, *parts: str | int) -> str:
     """Extend a key: `q3.sim`, "controls", 0 gives `q3.sim.controls.0`."""
     return ".".join([*([key] if key else []), *map(str, parts)])

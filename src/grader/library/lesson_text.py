@@ -164,7 +164,8 @@ class _Reading:
                 self.fault(line, f"no heading has the anchor {quoted(address)}; the anchors are: {known}")
             elif not address.startswith(("#", *LINKS)):
                 self.fault(
-                    line, f"the link {quoted(address)} leads nowhere: begin it with https://, /lessons/, files/ or #"
+                    line,
+                    f"the link {quoted(address)} leads nowhere: begin it with https://, /lessons/, files/ or #",
                 )
 
     def read_head(self, front: str) -> None:

@@ -14,7 +14,7 @@ from grader.domain.pages.media import Media
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import ContentError, Fault, NotFound
 from grader.library.authors_jail import run_in_authors_jail
-from grader.library.checking.mjcf import flattened, inline_faults, model_faults
+from grader.library.checking.mjcf import flatten, inline_faults, model_faults
 from grader.library.checking.passed import NOTHING_PASSED, PassedChecks
 from grader.library.checking.schema import named_parts, read_quiz
 from grader.library.checking.semantics import (
@@ -108,7 +108,7 @@ def _load_models(loading: _Loading) -> None:
             loading.faults.append(xml)
             continue
         name = Path(file).stem
-        whole = flattened(xml, file, partial(read_text, loading.root, bytes_max=MODEL_BYTES_MAX))
+        whole = flatten(xml, file, partial(read_text, loading.root, bytes_max=MODEL_BYTES_MAX))
         loading.models[name] = whole if isinstance(whole, str) else xml
         faults = model_faults(whole, file) if isinstance(whole, str) else whole
         loading.faults += faults

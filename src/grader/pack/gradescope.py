@@ -16,7 +16,7 @@ from grader.errors import Conflict, Unprocessable
 from grader.exercises import GROUP
 from grader.library import Library, load
 from grader.library.quiz_files import parse_quiz
-from grader.pack.wheel import constraints, entry, write_wheel
+from grader.pack.wheel import list_constraints, make_entry, write_wheel
 from grader.questions.kinds.script import ScriptQuestion
 
 SCRIPTS = Path(__file__).parent / "scripts"
@@ -53,16 +53,16 @@ def pack_gradescope(library: Library, quiz: str, question: str, out: Path, *, al
     if out.exists():
         raise Conflict(f"{out} is there already: name another place with --out, or remove it.")
     files = [
-        *scripts(quiz, asked, allow_t2=allow_t2),
-        *content(library, quiz, asked),
-        *wheels(asked.check.kind),
+        *build_scripts(quiz, asked, allow_t2=allow_t2),
+        *build_content(library, quiz, asked),
+        *build_wheels(asked.check.kind),
         Packed("key", secrets.token_bytes(KEY_BYTES), PRIVATE),
     ]
     (write_zip if out.suffix == ".zip" else write_folder)(out, files)
     return out
 
 
-def scripts(quiz: str, question: ScriptQuestion, *, allow_t2: bool) -> list[Packed]:
+def build_scripts(quiz: str, question: ScriptQuestion, *, allow_t2: bool) -> list[Packed]:
     """Returns the scripts that Gradescope calls, and what this exercise says to them."""
     suffixes = ".py .ipynb" if question.takes == "python" else " ".join(question.form.suffixes)
     values = {
@@ -73,7 +73,7 @@ def scripts(quiz: str, question: ScriptQuestion, *, allow_t2: bool) -> list[Pack
     return [*members, Packed("exercise.sh", said.encode())]
 
 
-def content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packed]:
+def build_content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packed]:
     """Returns a content folder with this question alone, and the models, which scripts may read. No other question, no
     explanation, no starter and no reference solution is in it."""
     file = library.file(quiz)
@@ -98,7 +98,7 @@ def mode_of(path: str) -> int:
     return READABLE if path.startswith(MODELS) else PRIVATE
 
 
-def wheels(kind: str) -> list[Packed]:
+def build_wheels(kind: str) -> list[Packed]:
     """The grader as a wheel, the package that the kind of exercise comes from, and the versions of all they need."""
     packages = {OURS: "grader"}
     for point in entry_points(group=GROUP, name=kind):
@@ -107,7 +107,7 @@ def wheels(kind: str) -> list[Packed]:
     with TemporaryDirectory(prefix="grader-pack-") as folder:
         made = [write_wheel(distribution(name), module, Path(folder)) for name, module in packages.items()]
         packed = [Packed(f"wheels/{path.name}", path.read_bytes()) for path in made]
-    return [*packed, Packed("constraints.txt", constraints(list(packages)).encode())]
+    return [*packed, Packed("constraints.txt", list_constraints(list(packages)).encode())]
 
 
 def write_folder(folder: Path, files: list[Packed]) -> None:
@@ -127,4 +127,4 @@ def write_zip(path: Path, files: list[Packed]) -> None:
     path.touch(mode=PRIVATE)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
         for file in files:
-            packed.writestr(entry(file.path, file.mode), file.data)
+            packed.writestr(make_entry(file.path, file.mode), file.data)

@@ -16,7 +16,7 @@ from grader.exercises import describe_exercise, list_visible_models
 from grader.library import Library
 from grader.numerics.version import INSTALLED
 from grader.pack.notebook import build_notebook
-from grader.pack.wheel import entry
+from grader.pack.wheel import make_entry
 from grader.questions.kinds.script import ScriptQuestion
 
 FORMAT = 1
@@ -90,7 +90,7 @@ def _build(asked: _Asked) -> bytes:
     written = io.BytesIO()
     with zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as packed:
         for path, text in texts.items():
-            packed.writestr(entry(f"{asked.question}/{path}"), text)
+            packed.writestr(make_entry(f"{asked.question}/{path}"), text)
     return written.getvalue()
 
 

@@ -43,15 +43,15 @@ def write_wheel(found: Distribution, module: str, folder: Path) -> Path:
     rows = csv.writer(record, lineterminator="\n")
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as wheel:
         for member, data in (*files_of(module), *notes_of(found, f"{name}.dist-info")):
-            wheel.writestr(entry(member), data)
+            wheel.writestr(make_entry(member), data)
             digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).decode().rstrip("=")
             rows.writerow([member, f"sha256={digest}", len(data)])
         rows.writerow([f"{name}.dist-info/RECORD", "", ""])
-        wheel.writestr(entry(f"{name}.dist-info/RECORD"), record.getvalue())
+        wheel.writestr(make_entry(f"{name}.dist-info/RECORD"), record.getvalue())
     return path
 
 
-def entry(member: str, mode: int = 0o644) -> zipfile.ZipInfo:
+def make_entry(member: str, mode: int = 0o644) -> zipfile.ZipInfo:
     """Returns a member of a zip file, with the same time in each."""
     info = zipfile.ZipInfo(member, EPOCH)
     info.external_attr, info.compress_type = (0o100000 | mode) << 16, zipfile.ZIP_DEFLATED
@@ -88,7 +88,7 @@ def as_installed(pinned: re.Match[str]) -> str:
         return pinned[0]
 
 
-def constraints(names: list[str]) -> str:
+def list_constraints(names: list[str]) -> str:
     """Versions of all that these distributions need and that is installed here, for pip's `--constraint`."""
     versions: dict[str, str] = {}
     seen: set[Needed] = set()

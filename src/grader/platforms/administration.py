@@ -54,11 +54,11 @@ def platforms_of(session: Session) -> list[dict[str, Any]]:
 def platform_view(session: Session, row: platforms.PlatformRow) -> dict[str, Any]:
     """Returns a platform with its deployments."""
     return {name: getattr(row, name) for name in ("id", "name", "issuer", "client_id", *URLS)} | {
-        "origins": list(platforms.view(row).origins),
+        "origins": list(platforms.read_platform(row).origins),
         "approved": row.approved_at is not None,
         "deployments": [
             {"deployment_id": deployment.deployment_id, "approved": deployment.approved_at is not None}
-            for deployment in platforms.deployments(session, row.id)
+            for deployment in platforms.list_deployments(session, row.id)
         ],
     }
 
@@ -75,7 +75,7 @@ def contexts_of(session: Session, course: str | None = None) -> list[dict[str, A
             "wanted_by": context.wanted_by,
             "has_roster": bool(context.members_url),
         }
-        for context, platform in platforms.contexts(session, course)
+        for context, platform in platforms.list_contexts(session, course)
     ]
 
 
@@ -93,7 +93,7 @@ async def pull_roster(database: Database, authorized: "AccessTokens", by: Identi
             return context, row
 
     context, row = await asyncio.to_thread(source)
-    people = await roster.pull(authorized, platforms.view(row), context.members_url)
+    people = await roster.pull(authorized, platforms.read_platform(row), context.members_url)
 
     def enter() -> Pulled:
         with database.write() as session:

@@ -47,7 +47,7 @@ async def pull(authorized: "AccessTokens", platform: Platform, url: str) -> list
         if following in asked or len(asked) >= PAGES_MAX or origin_of(following) != origin_of(url):
             raise Unprocessable("The platform's roster goes on at an address that makes no sense.")
         asked.add(following)
-        answer = await answered(authorized, platform, following)
+        answer = await fetch_page(authorized, platform, following)
         people |= {person.subject: person for person in persons_in(answer.body, platform.issuer)}
         if len(people) > MEMBERS_MAX:
             raise Unprocessable(f"The platform's roster is too long: at most {MEMBERS_MAX} members are taken.")
@@ -55,7 +55,7 @@ async def pull(authorized: "AccessTokens", platform: Platform, url: str) -> list
     return list(people.values())
 
 
-async def answered(authorized: "AccessTokens", platform: Platform, url: str) -> "Response":
+async def fetch_page(authorized: "AccessTokens", platform: Platform, url: str) -> "Response":
     """Returns one page of the roster. Raises Unprocessable."""
     try:
         answer = await authorized.request(platform, [words.MEMBERS], "GET", url, headers={"Accept": MEDIA_TYPE})

@@ -33,7 +33,7 @@ def is_installed() -> bool:
     return all(find_spec(name) is not None for name in NEEDED)
 
 
-def addresses(origin: str) -> dict[str, str]:
+def list_addresses(origin: str) -> dict[str, str]:
     """Says what a platform's administrator types in, by what it is called in LTI."""
     return {
         "login_url": login_url(origin),

@@ -53,7 +53,7 @@ def _one_for_each_option(whys: tuple[str, ...], info: ValidationInfo) -> tuple[s
     return whys
 
 
-def distinct(texts: Sequence[str]) -> None:
+def check_distinct(texts: Sequence[str]) -> None:
     """Raises PydanticCustomError if two texts are equal but for white space: learners could not tell them apart."""
     seen = set[str]()
     for text in texts:
@@ -65,7 +65,7 @@ def distinct(texts: Sequence[str]) -> None:
 
 def distinct_texts(texts: tuple[str, ...]) -> tuple[str, ...]:
     """Returns texts of which no two are equal. Raises PydanticCustomError."""
-    distinct(texts)
+    check_distinct(texts)
     return texts
 
 

@@ -21,10 +21,10 @@ def results_json(graded: Graded) -> str:
     would give points: without one, Gradescope tells student and staff that the autograder failed."""
     if graded.verdict.status is Status.GRADER_FAULT:
         raise JailFault(NO_RESULT)
-    return json.dumps(document(graded), ensure_ascii=False, indent=2)
+    return json.dumps(build_document(graded), ensure_ascii=False, indent=2)
 
 
-def document(graded: Graded) -> dict[str, Any]:
+def build_document(graded: Graded) -> dict[str, Any]:
     """Returns the document as plain JSON."""
     verdict, visibility = graded.verdict, VISIBILITY[graded.quiz.default_policy.feedback]
     words = "\n".join(filter(None, (verdict.diagnosis, graded.summary)))
@@ -38,7 +38,7 @@ def document(graded: Graded) -> dict[str, Any]:
         "test_name_format": "text",
         "visibility": visibility,
         "stdout_visibility": "hidden",
-        "tests": [*([] if shown_now else [check("Diagnosis", words, passed(graded))]), *tests(graded)],
+        "tests": [*([] if shown_now else [check("Diagnosis", words, read_passed(graded))]), *build_tests(graded)],
         "extra_data": {
             "status": verdict.status.value,
             "max_points": verdict.max_points,
@@ -49,25 +49,27 @@ def document(graded: Graded) -> dict[str, Any]:
     }
 
 
-def tests(graded: Graded) -> list[dict[str, Any]]:
+def build_tests(graded: Graded) -> list[dict[str, Any]]:
     """Returns a test for each finding, one for the whole question where there is none, and what the script printed."""
     verdict = graded.verdict
     found = [
-        scored(name, graded.describe(finding), finding.passed, finding.points, finding.max_points)
+        build_test(name, graded.describe(finding), finding.passed, finding.points, finding.max_points)
         for name, finding in graded.findings
     ]
     if not found:
-        found = [scored(graded.title, verdict.diagnosis or "", passed(graded), verdict.points, verdict.max_points)]
+        found = [
+            build_test(graded.title, verdict.diagnosis or "", read_passed(graded), verdict.points, verdict.max_points)
+        ]
     printed = {"Output of the script": verdict.stdout, "Errors of the script": verdict.stderr}
     return [*found, *(check(name, text, True) for name, text in printed.items() if text)]
 
 
-def passed(graded: Graded) -> bool | None:
+def read_passed(graded: Graded) -> bool | None:
     """Says whether the answer is right; None while a person has to decide."""
     return None if graded.verdict.status is Status.NEEDS_REVIEW else graded.verdict.status is Status.CORRECT
 
 
-def scored(name: str, output: str, is_passed: bool | None, points: float, max_points: float) -> dict[str, Any]:
+def build_test(name: str, output: str, is_passed: bool | None, points: float, max_points: float) -> dict[str, Any]:
     """Returns a test with points; an undecided one has none yet, and one without points is a check."""
     test = check(name, output, is_passed)
     if is_passed is None or not max_points:

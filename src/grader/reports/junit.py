@@ -38,7 +38,7 @@ def junit_xml(graded: Graded) -> str:
     for tag, text in (("system-out", verdict.stdout), ("system-err", verdict.stderr)):
         if text:
             ElementTree.SubElement(suite, tag).text = legal(text)
-    return document(suite, seconds)
+    return build_document(suite, seconds)
 
 
 def kind_of(status: Status) -> str | None:
@@ -58,7 +58,7 @@ def tell(case: ElementTree.Element, kind: str, text: str, of_type: str = "") -> 
     ElementTree.SubElement(case, kind, attributes).text = legal(text)
 
 
-def document(suite: ElementTree.Element, seconds: str) -> str:
+def build_document(suite: ElementTree.Element, seconds: str) -> str:
     """Returns the whole document, with the counts that readers compare."""
     counts = {"tests": str(len(suite.findall("testcase")))}
     for kind, plural in zip(KINDS, ("failures", "errors", "skipped"), strict=True):

@@ -73,7 +73,7 @@ def give_extension(settings: Settings, key: tuple[str | None, str, str], granted
     course, quiz, user = key
 
     def give(database: Database, session: Session) -> None:
-        learner = members.named(session, user, Role.STUDENT, course)
+        learner = members.get_named(session, user, Role.STUDENT, course)
         library = load(settings.courses.get(learner.course, settings.content))
         results.grant(database, library, session, learner, quiz, granted=granted, by=None)
 

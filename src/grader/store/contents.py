@@ -74,7 +74,7 @@ def use(session: Session, course: str, digests: Mapping[str, str]) -> None:
         session.add_all(ContentInUse(course=course, quiz=quiz, digest=digest) for quiz, digest in digests.items())
 
 
-def courses(session: Session) -> set[str]:
+def list_courses(session: Session) -> set[str]:
     """The courses with content of their own, and `EVERY`."""
     return set(session.scalars(select(ContentInUse.course).distinct()))
 

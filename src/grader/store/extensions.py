@@ -17,7 +17,7 @@ Key = tuple[str, str, str]
 def of_learner(session: Session, course: str, learner: str, quizzes: Sequence[str]) -> dict[str, Extension]:
     """The extensions of a learner in some quizzes, by quiz."""
     theirs = select(ExtensionRow).where(ExtensionRow.course == course, ExtensionRow.learner == learner)
-    return {row.quiz: extension(row) for row in session.scalars(theirs.where(ExtensionRow.quiz.in_(quizzes)))}
+    return {row.quiz: read_extension(row) for row in session.scalars(theirs.where(ExtensionRow.quiz.in_(quizzes)))}
 
 
 def of_quiz(session: Session, course: str, quiz: str) -> list[tuple[ExtensionRow, str]]:
@@ -41,12 +41,12 @@ def put(session: Session, key: Key, granted: Extension, by: str) -> None:
     row.due, row.until, row.attempts, row.granted_by, row.created_at = (*granted.model_dump().values(), by, now())
 
 
-def extension(row: ExtensionRow) -> Extension:
+def read_extension(row: ExtensionRow) -> Extension:
     """The extension that a row holds."""
     return Extension(due=row.due, until=row.until, attempts=row.attempts)
 
 
-def published(session: Session, course: str, quizzes: Sequence[str]) -> dict[str, datetime]:
+def find_published(session: Session, course: str, quizzes: Sequence[str]) -> dict[str, datetime]:
     """When the feedback of quizzes was published, by quiz; unpublished ones are left out."""
     rows = select(Publication).where(Publication.course == course, Publication.quiz.in_(quizzes))
     return {row.quiz: row.published_at for row in session.scalars(rows)}

@@ -206,25 +206,25 @@ _UNCHANGED = {"synchronize_session": False}
 _SCORES = select(Destination.id).where(Destination.kind == SCORES)
 
 
-def locked(session: Session, row_id: int) -> Delivery | None:
+def lock(session: Session, row_id: int) -> Delivery | None:
     """A row, locked until the transaction ends."""
     row = select(Delivery).where(Delivery.id == row_id).with_for_update().execution_options(populate_existing=True)
     return session.scalars(row).one_or_none()
 
 
-def delivery(session: Session, row_id: int, course: str | None) -> Delivery | None:
-    """As `locked`, within a course; None for any course."""
-    found = locked(session, row_id)
+def lock_delivery(session: Session, row_id: int, course: str | None) -> Delivery | None:
+    """As `lock`, within a course; None for any course."""
+    found = lock(session, row_id)
     return found if found is not None and course in (None, found.course) else None
 
 
-def destination(session: Session, destination_id: str, course: str) -> Destination | None:
+def find_destination(session: Session, destination_id: str, course: str) -> Destination | None:
     """A destination of a course."""
     found = session.get(Destination, destination_id)
     return found if found is not None and found.course == course else None
 
 
-def webhooks(session: Session, course: str) -> Sequence[Destination]:
+def list_webhooks(session: Session, course: str) -> Sequence[Destination]:
     """The webhooks of a course, oldest first."""
     theirs = select(Destination).where(Destination.course == course, Destination.kind == WEBHOOK)
     return session.scalars(theirs.order_by(Destination.id)).all()
@@ -271,7 +271,7 @@ def page(
     return [(row, kind) for row, kind in result]
 
 
-def every(session: Session, state: str, course: str | None) -> Iterator[tuple[Delivery, str]]:
+def list_all(session: Session, state: str, course: str | None) -> Iterator[tuple[Delivery, str]]:
     """Every row in a state, of one course or of all, in the order of ids, each with the kind of its destination."""
     where = [Delivery.state == state, *([Delivery.course == course] if course is not None else [])]
     after = 0
@@ -280,7 +280,7 @@ def every(session: Session, state: str, course: str | None) -> Iterator[tuple[De
         after = rows[-1][0].id
 
 
-def dead(session: Session, destination_id: str, limit: int) -> Sequence[Delivery]:
+def lock_dead(session: Session, destination_id: str, limit: int) -> Sequence[Delivery]:
     """At most `limit` dead rows of a destination, locked, oldest first."""
     rows = select(Delivery).where(Delivery.destination == destination_id, Delivery.state == DEAD)
     return session.scalars(rows.order_by(Delivery.id).limit(limit).with_for_update()).all()
@@ -292,7 +292,7 @@ def counts_in(session: Session, course: str) -> dict[str, int]:
     return {row[0]: row[1] for row in session.execute(rows.group_by(Delivery.state))}
 
 
-def counts(session: Session) -> dict[tuple[str, str], int]:
+def count_rows(session: Session) -> dict[tuple[str, str], int]:
     """The number of rows that are not sent, by kind and state."""
     rows = select(Destination.kind, Delivery.state, func.count()).join(Destination).where(text("state <> 'sent'"))
     grouped = session.execute(rows.group_by(Destination.kind, Delivery.state))

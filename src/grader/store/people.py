@@ -44,7 +44,7 @@ def sharing_email(session: Session, course: str, members: Sequence[Member]) -> d
     return {one: found for one, found in others.items() if found}
 
 
-def everybody(session: Session, course: str) -> Sequence[Member]:
+def list_members(session: Session, course: str) -> Sequence[Member]:
     """All members of a course by name, with those who were removed."""
     return session.scalars(select(Member).where(Member.course == course).order_by(Member.name, Member.id)).all()
 
@@ -52,13 +52,13 @@ def everybody(session: Session, course: str) -> Sequence[Member]:
 ENROLLED = (Member.id, Member.name, Member.role, Member.account, Member.namespace, Member.external_id, Member.email)
 
 
-def enrolled(session: Session, course: str) -> Sequence[Any]:
+def list_enrolled(session: Session, course: str) -> Sequence[Any]:
     """The columns `ENROLLED` of the students and instructors of a course, by name; removed ones are left out."""
     here = (Member.course == course, Member.role != "service", Member.removed_at.is_(None))
     return session.execute(select(*ENROLLED).where(*here).order_by(Member.name, Member.id)).all()
 
 
-def learners(session: Session, course: str, limit: int | None = None) -> Sequence[Member]:
+def list_learners(session: Session, course: str, limit: int | None = None) -> Sequence[Member]:
     """At most `limit` learners of a course, by name; removed ones are left out."""
     here = (Member.course == course, Member.role == "student", Member.removed_at.is_(None))
     return session.scalars(select(Member).where(*here).order_by(Folded(Member.name), Member.id).limit(limit)).all()
@@ -112,13 +112,13 @@ def count(session: Session, course: str, wanted: MemberFilter = ALL_MEMBERS) -> 
     return session.scalar(select(func.count()).select_from(Member).where(*wanted.select_in(course))) or 0
 
 
-def bearers(session: Session, course: str, name: str) -> int:
+def count_bearers(session: Session, course: str, name: str) -> int:
     """How many members of a course bear a name; removed ones do not count."""
     here = (Member.course == course, Member.name == name, Member.removed_at.is_(None))
     return session.scalar(select(func.count()).select_from(Member).where(*here)) or 0
 
 
-def namesakes(session: Session, course: str) -> Sequence[str]:
+def find_namesakes(session: Session, course: str) -> Sequence[str]:
     """The ids of the members of a course whose name another bears too; removed ones count."""
     shared = select(Member.name).where(Member.course == course).group_by(Member.name).having(func.count() > 1)
     return session.scalars(select(Member.id).where(Member.course == course, Member.name.in_(shared))).all()

@@ -121,7 +121,7 @@ class LtiUser(Base):
 Row = TypeVar("Row", bound=Base)
 
 
-def view(row: PlatformRow) -> Platform:
+def read_platform(row: PlatformRow) -> Platform:
     """The platform that a row describes."""
     return Platform(
         row.id, row.issuer, row.client_id, row.login_url, row.token_url, row.keys_url, row.token_audience,
@@ -139,7 +139,7 @@ def all_platforms(session: Session) -> Sequence[PlatformRow]:
     return session.scalars(select(PlatformRow).order_by(PlatformRow.id)).all()
 
 
-def registered(session: Session, issuer: str, client_id: str | None) -> Sequence[PlatformRow]:
+def find_registered(session: Session, issuer: str, client_id: str | None) -> Sequence[PlatformRow]:
     """The platforms of an issuer, or the one with this client id; at most two are looked for."""
     wanted = select(PlatformRow).where(PlatformRow.issuer == issuer).order_by(PlatformRow.id).limit(2)
     return session.scalars(wanted if client_id is None else wanted.where(PlatformRow.client_id == client_id)).all()
@@ -156,7 +156,7 @@ def add_once(session: Session, row: Row, found: Any) -> Row:
     return row
 
 
-def deployments(session: Session, platform_id: int) -> Sequence[Deployment]:
+def list_deployments(session: Session, platform_id: int) -> Sequence[Deployment]:
     """The deployments of a platform, oldest first."""
     return session.scalars(
         select(Deployment).where(Deployment.platform == platform_id).order_by(Deployment.created_at)
@@ -205,7 +205,7 @@ def context_at(session: Session, platform_id: int, deployment_id: str, context_i
     return context
 
 
-def contexts(session: Session, course: str | None = None) -> Sequence[tuple[Context, PlatformRow]]:
+def list_contexts(session: Session, course: str | None = None) -> Sequence[tuple[Context, PlatformRow]]:
     """Every context, or those that are linked with a course or are asked to be; with their platforms."""
     wanted = select(Context, PlatformRow).join(PlatformRow, PlatformRow.id == Context.platform).order_by(Context.id)
     if course is not None:
@@ -307,7 +307,7 @@ def score_target(
         return None
     link, context, platform, subject = found
     return ScoreTarget(
-        view(platform), link.line_item_url, link.line_items_url, tuple(link.scopes.split()), subject,
+        read_platform(platform), link.line_item_url, link.line_items_url, tuple(link.scopes.split()), subject,
         context.deployment_id, link.link_id, resource_id_of(quiz, question),
     )  # fmt: skip
 

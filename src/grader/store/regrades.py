@@ -81,7 +81,7 @@ class RegradeItem(Base):
     counted_after: Mapped[float | None]
 
 
-def candidates(
+def list_candidates(
     session: Session, course: str, quiz: str, questions: Sequence[str], ids: Sequence[str] | None
 ) -> Iterable[Any]:
     """The submissions with the points of their newest verdicts, by learner and question, oldest first."""
@@ -110,7 +110,7 @@ def find(session: Session, regrade_id: str, course: str) -> Regrade | None:
     return regrade if regrade is not None and regrade.course == course else None
 
 
-def locked(session: Session, regrade_id: str) -> Regrade:
+def lock(session: Session, regrade_id: str) -> Regrade:
     """The regrade as it is now; nothing else changes it until the transaction ends."""
     return session.get_one(Regrade, regrade_id, with_for_update=True, populate_existing=True)
 
@@ -121,7 +121,7 @@ def page(session: Session, course: str, before: str | None, limit: int) -> Seque
     return session.scalars(newest_first if before is None else newest_first.where(Regrade.id < before)).all()
 
 
-def unfinished(session: Session, course: str) -> Sequence[Regrade]:
+def list_unfinished(session: Session, course: str) -> Sequence[Regrade]:
     """The regrades of a course that are queued or running."""
     return session.scalars(select(Regrade).where(Regrade.course == course, Regrade.status.in_(UNFINISHED))).all()
 
@@ -134,11 +134,11 @@ def begin(session: Session, regrade_id: str) -> None:
 
 def finish(session: Session, regrade: Regrade, status: str, reason: str | None = None) -> None:
     """Ends a regrade; its jobs find nothing more to do."""
-    regrade.counts = json.dumps(progress(session, regrade))
+    regrade.counts = json.dumps(count_by_outcome(session, regrade))
     regrade.status, regrade.reason, regrade.finished_at = status, reason, now()
 
 
-def waiting(session: Session, regrade_id: str, lane: int | None, limit: int) -> Sequence[RegradeItem]:
+def list_waiting(session: Session, regrade_id: str, lane: int | None, limit: int) -> Sequence[RegradeItem]:
     """The first items of a lane, or of all, that are not regraded yet."""
     items = select(RegradeItem).where(RegradeItem.regrade_id == regrade_id, RegradeItem.outcome == WAITING)
     if lane is not None:
@@ -146,7 +146,7 @@ def waiting(session: Session, regrade_id: str, lane: int | None, limit: int) -> 
     return session.scalars(items.order_by(RegradeItem.number).limit(limit)).all()
 
 
-def numbered(session: Session, regrade_id: str, numbers: Sequence[int]) -> Sequence[RegradeItem]:
+def get_numbered(session: Session, regrade_id: str, numbers: Sequence[int]) -> Sequence[RegradeItem]:
     """The items with these numbers, as they are now."""
     items = select(RegradeItem).where(RegradeItem.regrade_id == regrade_id, RegradeItem.number.in_(numbers))
     return session.scalars(items.execution_options(populate_existing=True)).all()
@@ -159,14 +159,14 @@ def at_place(session: Session, regrade_id: str, place: int) -> Sequence[RegradeI
     ).all()
 
 
-def reviewed(session: Session, ids: Sequence[str]) -> set[str]:
+def find_reviewed(session: Session, ids: Sequence[str]) -> set[str]:
     """Which of these submissions a person has decided: a reviewer, or the learner who stopped the script."""
     decided = VerdictRow.cause.in_(("review", STOP))
     rows = select(VerdictRow.submission_id).where(VerdictRow.submission_id.in_(ids), decided)
     return set(session.scalars(rows))
 
 
-def progress(session: Session, regrade: Regrade) -> dict[str, int]:
+def count_by_outcome(session: Session, regrade: Regrade) -> dict[str, int]:
     """The number of items by outcome."""
     if regrade.counts is not None:
         return dict(json.loads(regrade.counts))
@@ -174,7 +174,7 @@ def progress(session: Session, regrade: Regrade) -> dict[str, int]:
     return {row[0]: row[1] for row in session.execute(counts.group_by(RegradeItem.outcome))}
 
 
-def learners(
+def list_learners(
     session: Session, regrade_id: str, after: int, limit: int, outcome: str | None = None
 ) -> list[tuple[RegradeItem, str | None]]:
     """The items of at most `limit` places after one, each with the learner's name; or of those with this outcome."""

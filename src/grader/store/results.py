@@ -133,7 +133,7 @@ def of_learner(session: Session, course: str, learner: str, quiz: str) -> dict[s
     return {result.question: result for result in session.scalars(theirs)}
 
 
-def everywhere(session: Session, course: str, learner: str) -> dict[tuple[str, str], Result]:
+def find_everywhere(session: Session, course: str, learner: str) -> dict[tuple[str, str], Result]:
     """The results of a learner in all quizzes, by (quiz, question)."""
     theirs = select(Result).where(Result.course == course, Result.learner == learner)
     return {(result.quiz, result.question): result for result in session.scalars(theirs)}
@@ -175,7 +175,7 @@ SHOWS = ("all", "waiting", "incomplete")
 ORDERS = ("name", "points", "answered")
 
 
-def ranked(session: Session, wanted: Ranking, start: int, limit: int) -> list[tuple[str, str]]:
+def rank_learners(session: Session, wanted: Ranking, start: int, limit: int) -> list[tuple[str, str]]:
     """The ids and names of at most `limit` learners of quizzes after the first `start`. Sums up what the order and the
     filter need, and nothing else: the index alone tells who has results, and how many."""
     key: ColumnElement[Any] = func.count()
@@ -303,7 +303,7 @@ def count_learners(session: Session, course: str, quiz: str) -> dict[str, int]:
 STATE = (func.count(), func.coalesce(func.sum(Result.changes), 0))
 
 
-def state(session: Session, course: str, quizzes: Sequence[str]) -> State:
+def read_state(session: Session, course: str, quizzes: Sequence[str]) -> State:
     """The state of the results of these quizzes."""
     count, changes = session.execute(select(*STATE).where(Result.course == course, _among(quizzes))).one()
     return count, int(changes)
@@ -315,7 +315,7 @@ def touch(session: Session, course: str, learner: str) -> None:
     session.execute(theirs.values(changes=Result.changes + 1), execution_options={"synchronize_session": False})
 
 
-def keys(session: Session, course: str, quiz: str, learner: str | None = None) -> list[LearnerAt]:
+def list_keys(session: Session, course: str, quiz: str, learner: str | None = None) -> list[LearnerAt]:
     """Every learner and question of a quiz with an attempt."""
     columns = [getattr(Submission, name) for name in LearnerAt._fields]
     rows = select(*columns).where(Submission.course == course, Submission.quiz == quiz, Submission.uses_attempt)
@@ -324,7 +324,7 @@ def keys(session: Session, course: str, quiz: str, learner: str | None = None) -
     return [LearnerAt(*row) for row in session.execute(rows.distinct())]
 
 
-def instructors(session: Session, course: str) -> set[str]:
+def list_instructors(session: Session, course: str) -> set[str]:
     """The ids of members who are instructors or held their credentials: their tries are no results of learners."""
     held = select(Credential.member).where(Credential.course == course, Credential.role == "instructor")
     are = select(Member.id).where(Member.course == course, Member.role == "instructor")
@@ -354,7 +354,7 @@ def _among(quizzes: Sequence[str]) -> ColumnElement[bool]:
     return Result.quiz == quizzes[0] if len(quizzes) == 1 else Result.quiz.in_(quizzes)
 
 
-def feed(session: Session, course: str, after: int, limit: int) -> list[tuple[ResultRevision, str, Member | None]]:
+def list_feed(session: Session, course: str, after: int, limit: int) -> list[tuple[ResultRevision, str, Member | None]]:
     """At most `limit` rows of the feed after a position, in order, each with the learner's name, and as a member."""
     rows = (
         select(ResultRevision, Submission.user, Member)

@@ -145,7 +145,7 @@ def get(session: Session, submission_id: str) -> Submission | None:
     return session.get(Submission, submission_id)
 
 
-def several(session: Session, ids: Sequence[str]) -> Sequence[Submission]:
+def get_several(session: Session, ids: Sequence[str]) -> Sequence[Submission]:
     """The submissions with these ids, as they are in the database now."""
     found = select(Submission).where(Submission.id.in_(ids)).execution_options(populate_existing=True)
     return session.scalars(found).all()
@@ -213,7 +213,7 @@ def find_newest_quiz(session: Session, course: str) -> str | None:
     return session.scalar(here.order_by(Submission.id.desc()).limit(1))
 
 
-def newest(session: Session, course: str, learner: str) -> Sequence[Submission]:
+def find_newest(session: Session, course: str, learner: str) -> Sequence[Submission]:
     """A learner's newest submission at each question; answers that could not be read are left out."""
     readable = Submission.outcome.is_(None) | (Submission.outcome != Status.INVALID_ANSWER.value)
     theirs = (Submission.course == course, Submission.learner == learner, readable)
@@ -243,13 +243,13 @@ def progress_at(session: Session, course: str, learner: str, quiz: str, question
     return Progress() if found is None else Progress(found[2], found[3], bool(found[4]))
 
 
-def progress(session: Session, course: str, learner: str) -> dict[tuple[str, str], Progress]:
+def compute_progress(session: Session, course: str, learner: str) -> dict[tuple[str, str], Progress]:
     """What a learner's attempts come to, by (quiz, question); questions without an attempt are left out."""
     found = session.connection().execute(PROGRESS, {"course": course, "learner": learner})
     return {(row[0], row[1]): Progress(row[2], row[3], bool(row[4])) for row in found}
 
 
-def unsolved(
+def find_unsolved(
     session: Session, course: str, since: datetime, attempts: int, *, newest: int, limit: int
 ) -> Sequence[Try]:
     """The graded attempts since a moment at questions where a member has made that many and none was right, in order.
@@ -274,7 +274,7 @@ def newest_wrong(
     session: Session, course: str, since: datetime, *, newest: int, limit: int
 ) -> list[tuple[str, str, str, str]]:
     """Learner, quiz, question and submission of at most `limit` attempts that are a learner's newest at a question, the
-    newest first. Otherwise as `unsolved`: since a moment, none right, and no instructor's."""
+    newest first. Otherwise as `find_unsolved`: since a moment, none right, and no instructor's."""
     graded = _graded_since(session, course, since, newest)
     right = func.max(case((Submission.outcome == Status.CORRECT.value, 1), else_=0))
     at = (Submission.learner, Submission.quiz, Submission.question)
@@ -317,13 +317,13 @@ def graded_at(
     return [(row, body) for row, body in reversed(found)]
 
 
-def pending(session: Session, wanted: SubmissionFilter) -> int:
+def count_pending(session: Session, wanted: SubmissionFilter) -> int:
     """The number of submissions without a verdict."""
     waiting = select(func.count()).select_from(Submission).where(*wanted.conditions())
     return session.scalar(waiting.where(UNSETTLED, Submission.status.in_((QUEUED, RUNNING)))) or 0
 
 
-def verdicts(session: Session, submissions: Iterable[Submission]) -> dict[str, Any]:
+def read_verdicts(session: Session, submissions: Iterable[Submission]) -> dict[str, Any]:
     """The newest verdict of each submission as plain JSON, by id; submissions without one are left out."""
     return verdicts_of(session, [submission.id for submission in submissions])
 
@@ -336,7 +336,7 @@ BODIES = (
 
 
 def verdicts_of(session: Session, ids: Iterable[str]) -> dict[str, Any]:
-    """As `verdicts`, for the ids of submissions."""
+    """As `read_verdicts`, for the ids of submissions."""
     result = session.execute(BODIES, {"ids": list(ids)})
     return {submission_id: json.loads(body) for submission_id, body in result}
 

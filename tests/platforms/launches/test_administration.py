@@ -198,12 +198,12 @@ def test_an_issuer_may_have_several_client_ids(pair: Joined) -> None:
 
 def test_deployments_that_wait_are_bounded(pair: Joined) -> None:
     with pair.database.write() as session:
-        [row] = platforms.registered(session, pair.platform.origin, pair.platform.client_id)
+        [row] = platforms.find_registered(session, pair.platform.origin, pair.platform.client_id)
         for number in range(PENDING_MAX):
             platforms.note_deployment(session, row.id, f"new-{number}")
     assert pair.launch(pair.browser(), **{f"{CLAIM}deployment_id": "one more"}).status_code == 403
     with pair.database.read() as session:
-        noted = platforms.deployments(session, row.id)
+        noted = platforms.list_deployments(session, row.id)
     assert sum(deployment.approved_at is None for deployment in noted) == PENDING_MAX
     assert "one more" not in {deployment.deployment_id for deployment in noted}
 

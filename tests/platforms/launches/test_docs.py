@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from grader.commands.main import cli
-from grader.platforms.tool import addresses, canvas_configuration
+from grader.platforms.tool import canvas_configuration, list_addresses
 from platforms.joined import Joined
 from platforms.platform import get_json
 
@@ -29,13 +29,13 @@ def test_every_address_is_served(pair: Joined, url: str) -> None:
 
 
 def test_the_addresses_are_all_there() -> None:
-    assert set(addresses(ORIGIN).values()) <= set(URLS)
+    assert set(list_addresses(ORIGIN).values()) <= set(URLS)
 
 
 def test_canvas_gets_the_same_addresses(pair: Joined) -> None:
     told = get_json(pair.browser(), "/lti/canvas.json")
     assert told == canvas_configuration(pair.site.origin)
-    here = addresses(pair.site.origin)
+    here = list_addresses(pair.site.origin)
     assert told["oidc_initiation_url"] == here["login_url"]
     assert told["target_link_uri"] == here["launch_url"]
     assert told["public_jwk_url"] == here["keys_url"]

@@ -106,7 +106,7 @@ def main(out: Path) -> None:
             settings = Settings(data=Path(name), workers=1, database_url=None if backend == "sqlite" else url)
             with open_site(settings) as site:
                 recorded = play(site)
-            stem = f"{revisions.newest()}-{backend}"
+            stem = f"{revisions.find_newest()}-{backend}"
             (out / f"{stem}.sql").write_text(dump(backend, url, Path(name, "grader.db")))
             (out / f"{stem}.json").write_text(json.dumps(recorded, indent=1) + "\n")
 

@@ -12,7 +12,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic_core import to_json
 from sqlalchemy.orm import Session
 
-from grader.api.learning.submissions import seen_by, view_for, visible
+from grader.api.learning.submissions import find_visible, seen_by, view_for
 from grader.courses.answering.access import LearnerAccess, read_access
 from grader.courses.people.identity import Identity, still_holds
 from grader.courses.rules.policy import Shown
@@ -48,7 +48,7 @@ def listen(
     """Opens a stream. Raises NotFound, and 204 if no event can follow, which makes a browser stop asking."""
     last = int(last_event_id) if last_event_id and last_event_id.isdecimal() and len(last_event_id) < 10 else 0
     with services.database.read() as session:
-        submission = visible(session, submission_id, who)
+        submission = find_visible(session, submission_id, who)
         if last:  # else the first event is still to be told
             last = min(last, submissions.last_event(session, submission_id))
             access = read_access_to(session, services, who, submission)

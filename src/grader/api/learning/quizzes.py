@@ -22,7 +22,10 @@ def list_quizzes(who: Anybody, services: AppServices) -> dict[str, Any]:
     library = services.content.of(who.course).library
     with services.database.read() as session:
         policies = read_policies(session, library, who.course, library.quizzes)
-    return {"items": [summary(library.quiz(one), policy) for one, policy in policies.items()], "next_cursor": None}
+    return {
+        "items": [summarise_quiz(library.quiz(one), policy) for one, policy in policies.items()],
+        "next_cursor": None,
+    }
 
 
 @router.get("/quizzes/{quiz_id}", responses=refusals(401, 404, 422, 429, more={200: {"model": QuizView}}))
@@ -31,7 +34,7 @@ def show_quiz(quiz_id: str, who: Anybody, services: AppServices) -> dict[str, An
 
     Before the quiz opens a learner sees no questions.
     """
-    return progress(quiz_id, who, services)
+    return view_quiz(quiz_id, who, services)
 
 
 @router.post("/content:reload", response_model=LoadedContent, responses=refusals(401, 403, 422, 429))
@@ -41,14 +44,14 @@ def reload_content(who: Instructor, services: AppServices) -> dict[str, Any]:
     return {"quizzes": [{"id": quiz_id, "digest": library.digest(quiz_id)} for quiz_id in library.quizzes]}
 
 
-def summary(quiz: Quiz, policy: Policy) -> dict[str, Any]:
+def summarise_quiz(quiz: Quiz, policy: Policy) -> dict[str, Any]:
     """A quiz as an item of the list."""
     points = sum(question.points for question in quiz.questions)
     dates = {"opens": policy.opens, "due": policy.due}
     return {"id": quiz.id, "title": quiz.title, "questions": len(quiz.questions), "points": points, **dates}
 
 
-def progress(quiz_id: str, who: Identity, services: Services) -> dict[str, Any]:
+def view_quiz(quiz_id: str, who: Identity, services: Services) -> dict[str, Any]:
     """The student's view of a quiz. It holds the lab of a predict question once the learner may run it."""
     library = services.library_for(who)
     quiz = library.quiz(quiz_id)

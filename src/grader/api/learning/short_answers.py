@@ -9,7 +9,7 @@ from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from grader.api.learning.submissions import KEY_MAX, AnswerFields, AnswerRoute, answers, created, read_answer
+from grader.api.learning.submissions import KEY_MAX, AnswerFields, AnswerRoute, answers, read_answer, respond_created
 from grader.courses.people.identity import Identity
 from grader.errors import CallerError
 from grader.gate.admission import SUBMISSIONS
@@ -83,4 +83,4 @@ async def take_answer(services: Services, who: Identity, text: bytes, key: str |
     who.require(*AnswerRoute.roles)
     body = AnswerFields.model_validate_json(text)
     answer = read_answer(services, who, body, key, is_short=True)
-    return created(SUBMISSIONS, await services.writer.put(answer))
+    return respond_created(SUBMISSIONS, await services.writer.put(answer))

@@ -21,7 +21,7 @@ from grader.courses.answering.intake import NewAnswer, Receipt
 from grader.courses.answering.stopping import stop
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity, Role
-from grader.courses.reviewing.blinding import Blinded, blinded
+from grader.courses.reviewing.blinding import Blinded, hide_names
 from grader.courses.rules.policy import Decision, Shown, redact_json
 from grader.courses.rules.progress import Compared, describe_progress
 from grader.domain.verdict import Status, Verdict
@@ -134,7 +134,7 @@ async def create_submission(request: Request, body: AnswerBody, idempotency_key:
     """Hands in an answer: 201 with the verdict if it is instant, else 202."""
     services, who = services_in(request.app), identity_in(request.scope)
     answer = await run_in_threadpool(read_answer, services, who, body, idempotency_key)
-    return created(SUBMISSIONS, await services.writer.put(answer))
+    return respond_created(SUBMISSIONS, await services.writer.put(answer))
 
 
 def read_answer(
@@ -151,7 +151,7 @@ def read_answer(
     return NewAnswer(who, pipeline.library, parsed, verdict, key, services.settings.queue_per_user)
 
 
-def created(path: str, receipt: Receipt) -> Response:
+def respond_created(path: str, receipt: Receipt) -> Response:
     """The response to an answer that was taken: its submission lies below the path."""
     submission = receipt.submission
     shown = {"seed": None, **view_for(receipt.decision, submission, receipt.verdict)}
@@ -186,7 +186,7 @@ def list_submissions(query: PageParams, who: Learner, services: AppServices, res
 def show_submission(submission_id: str, who: Learner, services: AppServices, response: Response) -> dict[str, Any]:
     """Shows one submission with its verdict; its ETag changes whenever the submission does."""
     with services.database.read() as session:
-        return document(session, services, who, visible(session, submission_id, who), response)
+        return build_document(session, services, who, find_visible(session, submission_id, who), response)
 
 
 @router.post(
@@ -196,10 +196,10 @@ def stop_submission(submission_id: str, who: Learner, services: AppServices, res
     """Stops one's own script, which uses no attempt before its hidden cases have begun. 409 once it has its verdict."""
     stop(services.database, services.content.of(who.course).library, who, submission_id)
     with services.database.read() as session:
-        return document(session, services, who, visible(session, submission_id, who), response)
+        return build_document(session, services, who, find_visible(session, submission_id, who), response)
 
 
-def document(
+def build_document(
     session: Session, services: Services, who: Identity, submission: Submission, response: Response
 ) -> dict[str, Any]:
     """One submission as the user may see it now; sets the ETag of the response."""
@@ -218,7 +218,7 @@ def compare_attempts(session: Session, decision: Decision, submission: Submissio
     wanted = SubmissionFilter(submission.course, quiz=submission.quiz, question=submission.question,
                               learner=submission.learner)  # fmt: skip
     rows = [row for row in submissions.page(session, wanted, None, COMPARED_MAX) if row.attempt < submission.attempt]
-    verdicts = submissions.verdicts(session, rows)
+    verdicts = submissions.read_verdicts(session, rows)
     shown = [(row.attempt, redact_json(verdicts.get(row.id), decision)) for row in reversed(rows)]
     earlier = [Compared(attempt, one) for attempt, one in shown if one]
     return describe_progress(earlier, Compared(submission.attempt, verdict))
@@ -236,7 +236,7 @@ def validate_answer(body: AnswerBody, who: Learner, services: AppServices) -> In
     return Interpretation(valid=True, read_as=read_as, message=None)
 
 
-def visible(session: Session, submission_id: str, who: Identity) -> Submission:
+def find_visible(session: Session, submission_id: str, who: Identity) -> Submission:
     """The submission. Raises NotFound if it does not exist, or is not the caller's to see."""
     submission = submissions.get(session, submission_id) if submission_id.isalnum() else None
     if submission is None or not who.may_see(submission.learner, submission.course):
@@ -246,7 +246,7 @@ def visible(session: Session, submission_id: str, who: Identity) -> Submission:
 
 def seen_by(session: Session, services: Services, who: Identity, rows: Sequence[Submission]) -> Blinded:
     """The newest verdicts of submissions, and pseudonyms, without what an instructor is kept from knowing."""
-    return blinded(services.desk_of(who.course), session, who, rows, submissions.verdicts(session, rows))
+    return hide_names(services.desk_of(who.course), session, who, rows, submissions.read_verdicts(session, rows))
 
 
 def view_for(
@@ -260,13 +260,13 @@ def view_for(
     """The submission with its newest verdict, as much of it as the user may see now; the seed for instructors only.
     Before the feedback, later revisions do not show."""
     redacted = redact_json(verdict, decision)
-    shown = view(submission, redacted, pseudonym, with_answer=with_answer, with_seed=decision.sees_all)
+    shown = describe_submission(submission, redacted, pseudonym, with_answer=with_answer, with_seed=decision.sees_all)
     if decision.shown is Shown.RECEIPT:
         shown["revision"] = min(1, submission.revision)
     return shown | {"withheld": decision.withheld}
 
 
-def view(
+def describe_submission(
     submission: Submission,
     verdict: Any | None,
     pseudonym: str | None = None,

@@ -17,12 +17,12 @@ from grader.api.learning.submissions import (
     AnswerRoute,
     IdempotencyKey,
     SubmissionView,
-    created,
-    document,
+    build_document,
     read_answer,
+    respond_created,
 )
 from grader.courses.answering.intake import NewAnswer
-from grader.courses.people.external import External, checked, learner_behind
+from grader.courses.people.external import External, check_external, learner_behind
 from grader.courses.people.identity import Identity, Role
 from grader.errors import CallerError, NotFound
 from grader.gate.admission import ON_BEHALF, PREFIX, identity_in
@@ -84,13 +84,13 @@ async def create_submission_on_behalf(
     """Hands in an answer for a learner, who becomes a member at first sight: 201 with the verdict, else 202."""
     services, who = services_in(request.app), identity_in(request.scope)
     try:
-        learner = checked(body.learner.namespace, body.learner.id)
+        learner = check_external(body.learner.namespace, body.learner.id)
     except CallerError:
         services.admission.by_user.spend(who.id)
         raise
     services.admission.by_user.spend((who.course, learner))
     answer = await run_in_threadpool(read_answer_of, services, who, learner, body, idempotency_key)
-    return created(ON_BEHALF, await services.writer.put(answer))
+    return respond_created(ON_BEHALF, await services.writer.put(answer))
 
 
 def read_answer_of(
@@ -120,4 +120,4 @@ def show_submission_on_behalf(
         if member is None or member.namespace is None:
             raise NotFound("There is no such submission.")
         theirs = replace(who, id=member.id, user=member.name, role=Role.STUDENT)
-        return document(session, services, theirs, submission, response)
+        return build_document(session, services, theirs, submission, response)

@@ -38,8 +38,8 @@ def list_results(
             services.database.lock(session, f"feed\n{who.course}")
             results.number_new(session, who.course)
     with services.database.read() as session:
-        rows = results.feed(session, who.course, start, query.limit + 1)
-    items = [item(*row) for row in rows[: query.limit]]
+        rows = results.list_feed(session, who.course, start, query.limit + 1)
+    items = [build_item(*row) for row in rows[: query.limit]]
     last = rows[len(items) - 1][0].position if items else start
     following = query.model_copy(update={"cursor": write_cursor(str(last))})
     if len(rows) > len(items):
@@ -47,7 +47,7 @@ def list_results(
     return {"items": items, "next_cursor": following.cursor}
 
 
-def item(row: ResultRevision, user: str, member: Member | None) -> dict[str, Any]:
+def build_item(row: ResultRevision, user: str, member: Member | None) -> dict[str, Any]:
     """A row of the feed as plain JSON; `user` is the learner's name."""
     learner = External(OWN, row.learner) if member is None else known_as(member)
     return {"user": user, "member": row.learner, "learner": vars(learner)} | {

@@ -87,7 +87,7 @@ def export_roster(who: Staff, services: AppServices, *, bom: bool = False) -> Re
     with services.database.read() as session:
         entries = list_roster(session, who.course)
     text = (BOM if bom else "") + "".join(roster.write_roster(entries))
-    return attachment(text.encode(), roster.FILE, f"{CSV}; charset=utf-8")
+    return build_attachment(text.encode(), roster.FILE, f"{CSV}; charset=utf-8")
 
 
 @router.get(
@@ -99,10 +99,10 @@ def export_oneroster(who: Staff, services: AppServices, namespace: Namespace = N
     """Sends the members of the course as users.csv and enrollments.csv of OneRoster 1.2."""
     with services.database.read() as session:
         entries = list_roster_with_ids(session, who.course, namespace)
-    return attachment(oneroster.write_zip(entries, who.course), "roster.zip", ZIP)
+    return build_attachment(oneroster.write_zip(entries, who.course), "roster.zip", ZIP)
 
 
-def attachment(body: bytes, name: str, media_type: str) -> Response:
+def build_attachment(body: bytes, name: str, media_type: str) -> Response:
     """A file to save."""
     headers = {"Content-Disposition": f'attachment; filename="{name}"'}
     return Response(body, media_type=media_type, headers=headers)

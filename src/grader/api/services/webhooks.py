@@ -100,7 +100,7 @@ def create_webhook(body: WebhookBody, who: Staff, services: AppServices, respons
 def list_webhooks(who: Staff, services: AppServices) -> dict[str, Any]:
     """Lists the webhooks of the course, oldest first; never their secrets."""
     with services.database.read() as session:
-        items = [webhook_view(webhook) for webhook in stored.webhooks(session, who.course)]
+        items = [webhook_view(webhook) for webhook in stored.list_webhooks(session, who.course)]
     return {"items": items, "next_cursor": None}
 
 

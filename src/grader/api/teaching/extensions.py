@@ -10,7 +10,7 @@ from grader.api.paging import NO_NUL, Page
 from grader.api.views import ExtensionView, GivenExtension
 from grader.courses.answering import publication, results
 from grader.courses.people.identity import Identity, Role
-from grader.courses.people.members import named, require_reach
+from grader.courses.people.members import get_named, require_reach
 from grader.domain.policy import Extension
 from grader.errors import NotFound
 from grader.gate.callers import Instructor, api_router
@@ -65,7 +65,7 @@ def learner_of(session: Session, body: ExtensionBody, who: Identity) -> Member:
     """The learner whom the body names. Raises NotFound for an unknown id, Unprocessable, and Forbidden. A restricted
     token extends students alone, and brings back nobody who was removed."""
     if body.learner is None:
-        return named(session, body.user or "", Role.STUDENT, who.course, by=who)
+        return get_named(session, body.user or "", Role.STUDENT, who.course, by=who)
     if member := people.get(session, body.learner, who.course):
         require_reach(who, member.role)
         return member

@@ -62,8 +62,8 @@ def export_gradebook(
     columns = columns_of(quizzes) if by is Unit.QUESTION else quiz_columns(quizzes)
     ids = [quiz.id for quiz in quizzes]
     with services.database.read() as session:
-        instructors = results.instructors(session, who.course)
-        state = results.state(session, who.course, ids)
+        instructors = results.list_instructors(session, who.course)
+        state = results.read_state(session, who.course, ids)
         unseen = unseen_by(session, who).results
         marks = marks_in(session, who.course) if form is Form.CANVAS else {}
         absent = [row_of(member.id, member, {}, marks) for member in people.without_results(session, who.course, ids)]

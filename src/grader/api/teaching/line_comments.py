@@ -6,7 +6,7 @@ from pydantic import Field, StringConstraints
 from sqlalchemy.orm import Session
 
 from grader.api.bodies import RequestBody
-from grader.api.learning.submissions import visible
+from grader.api.learning.submissions import find_visible
 from grader.api.paging import NO_NUL, Page
 from grader.courses.answering.access import read_access
 from grader.courses.people.identity import Identity
@@ -39,7 +39,7 @@ def list_line_comments(submission_id: str, who: Learner, services: AppServices) 
     """Lists the comments on a script, those on all of it first, then line by line. Its learner sees them with the
     verdict."""
     with services.database.read() as session:
-        submission = visible(session, submission_id, who)
+        submission = find_visible(session, submission_id, who)
         is_shown = who.is_instructor or is_released(session, services, who, submission)
         comments = on_submissions(session, [submission.id]).get(submission.id, []) if is_shown else []
     return {"items": [line_comment_view(comment) for comment in comments], "next_cursor": None}
@@ -49,7 +49,7 @@ def list_line_comments(submission_id: str, who: Learner, services: AppServices) 
 def write_line_comment(submission_id: str, body: LineBody, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Writes a comment, which changes no points."""
     with services.database.write() as session:
-        row = visible(session, submission_id, who)
+        row = find_visible(session, submission_id, who)
         (comment,) = line_comments.write_comment(session, who, [(row, body.line)], body.text)
     return line_comment_view(comment)
 

@@ -98,8 +98,8 @@ def remove_member(member_id: str, who: Instructor, services: AppServices) -> Non
 def list_invitations(who: Instructor, services: AppServices) -> dict[str, Any]:
     """Lists the links that were neither used nor revoked, newest first."""
     with services.database.read() as session:
-        credentials = invitations.pending(session, who.course)
-    return {"items": [tokens.shown(credential) for credential in credentials], "next_cursor": None}
+        credentials = invitations.list_pending(session, who.course)
+    return {"items": [tokens.describe_credential(credential) for credential in credentials], "next_cursor": None}
 
 
 @router.post(
@@ -140,8 +140,8 @@ def revoke_invitation(invitation_id: str, who: Instructor, services: AppServices
 def list_tokens(who: Instructor, services: AppServices) -> dict[str, Any]:
     """Lists the tokens that are valid, newest first; never their secrets."""
     with services.database.read() as session:
-        credentials = tokens.tokens(session, who.course)
-    return {"items": [tokens.shown(credential) for credential in credentials], "next_cursor": None}
+        credentials = tokens.list_tokens(session, who.course)
+    return {"items": [tokens.describe_credential(credential) for credential in credentials], "next_cursor": None}
 
 
 @router.post("/tokens", status_code=201, response_model=NewToken, responses=refusals(401, 403, 409, 413, 422, 429))

@@ -46,7 +46,7 @@ def show_policy(quiz_id: str, who: Instructor, services: AppServices, response: 
     """Shows the dates and rules of a quiz in the caller's course, and which of them the course has set."""
     quiz = services.content.of(who.course).library.quiz(quiz_id)
     with services.database.read() as session:
-        return view(read_course_policy(session, quiz, who.course), response)
+        return describe_policy(read_course_policy(session, quiz, who.course), response)
 
 
 @router.put(
@@ -71,10 +71,10 @@ def put_policy(
         services.database, library, who, quiz, body.model_dump(exclude_unset=True),
         is_current=lambda now: is_unchanged(if_match, etag_of(now)),
     )  # fmt: skip
-    return view(changed, response)
+    return describe_policy(changed, response)
 
 
-def view(policy: CoursePolicy, response: Response) -> dict[str, Any]:
+def describe_policy(policy: CoursePolicy, response: Response) -> dict[str, Any]:
     """The policy as plain JSON; sets the ETag of the response."""
     response.headers["ETag"] = etag_of(policy)
     return {

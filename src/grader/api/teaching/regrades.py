@@ -9,7 +9,7 @@ from pydantic import Field
 from grader.api.bodies import RequestBody, ResponseBody
 from grader.api.paging import NO_NUL, CursorQuery, Page, next_link, page_of, write_cursor
 from grader.courses.regrading import regrades
-from grader.courses.regrading.regrades import IDS_MAX, Scope, Wanted, view
+from grader.courses.regrading.regrades import IDS_MAX, Scope, Wanted, describe_regrade
 from grader.courses.reviewing.blinding import blinded_differences
 from grader.gate.admission import PREFIX
 from grader.gate.callers import Instructor, api_router
@@ -89,7 +89,7 @@ def create_regrade(body: RegradeBody, who: Instructor, services: AppServices, re
     made = regrades.create(services.database, services.content.of(who.course).library, who, body.wanted)
     response.headers["Location"] = f"{PREFIX}/regrades/{made.id}"
     with services.database.read() as session:
-        return view(made, stored.progress(session, made))
+        return describe_regrade(made, stored.count_by_outcome(session, made))
 
 
 @router.get("/regrades", response_model=Page, responses=refusals(401, 403, 422, 429))
@@ -99,7 +99,7 @@ def list_regrades(
     """Lists the regrades of the course, newest first, without their differences."""
     with services.database.read() as session:
         found = stored.page(session, who.course, query.start, query.limit + 1)
-        items = [view(regrade, stored.progress(session, regrade)) for regrade in found]
+        items = [describe_regrade(regrade, stored.count_by_outcome(session, regrade)) for regrade in found]
     return page_of(items, query, "/regrades", response)
 
 
@@ -114,7 +114,7 @@ def show_regrade(
     """Shows how far a regrade is, and the difference that it makes for each learner at each question."""
     with services.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
-        counts = stored.progress(session, regrade)
+        counts = stored.count_by_outcome(session, regrade)
         found = regrades.read_page(session, regrade.id, query.read_number(9), query.limit + 1, changed=query.changed)
         items = blinded_differences(services.desk_of(who.course), session, who, regrade.quiz, found)
     cursor = None
@@ -123,7 +123,7 @@ def show_regrade(
         cursor = write_cursor(str(items[-1]["place"]))
         following = query.model_copy(update={"cursor": cursor})
         response.headers["Link"] = next_link(f"/regrades/{regrade.id}", following)
-    return view(regrade, counts) | {"items": items, "next_cursor": cursor}
+    return describe_regrade(regrade, counts) | {"items": items, "next_cursor": cursor}
 
 
 @router.post(
@@ -133,4 +133,4 @@ def cancel_regrade(regrade_id: str, who: Instructor, services: AppServices) -> d
     """Ends a regrade; what it has changed stays. 409 if it is over."""
     with services.database.write() as session:
         cancelled = regrades.cancel(session, who, regrade_id)
-        return view(cancelled, stored.progress(session, cancelled))
+        return describe_regrade(cancelled, stored.count_by_outcome(session, cancelled))

@@ -9,12 +9,12 @@ from pydantic import Field, model_validator
 from sqlalchemy.orm import Session
 
 from grader.api.bodies import RequestBody, ResponseBody
-from grader.api.learning.submissions import SubmissionView, etag_of, is_current, view, visible
+from grader.api.learning.submissions import SubmissionView, describe_submission, etag_of, find_visible, is_current
 from grader.api.paging import NO_NUL, Page, PageParams, PageQuery, page_of
 from grader.api.teaching.saved_comments import comment_view
 from grader.courses.people.identity import Identity
 from grader.courses.reviewing import reviews, rubric_changes
-from grader.courses.reviewing.blinding import blinded
+from grader.courses.reviewing.blinding import hide_names
 from grader.courses.reviewing.comments import REVIEW_CHARACTERS_MAX
 from grader.courses.rules.rubric import Mark, rubric_of
 from grader.domain.rubric import ITEMS_MAX
@@ -126,7 +126,7 @@ def list_reviews(
     with services.database.read() as session:
         queue = reviews.queue_of(services.desk_of(who.course), session, wanted, who.id if query.second else None)
         waiting = stored.page(session, queue, query.start, query.limit + 1, now())
-        shown = views(session, services, who, [submission for submission, _ in waiting])
+        shown = describe_for_reviewer(session, services, who, [submission for submission, _ in waiting])
     items = [{**one, "claim": claim_view(claim)} for one, (_, claim) in zip(shown, waiting, strict=True)]
     return page_of(items, query, "/reviews", response)
 
@@ -139,8 +139,8 @@ def list_disagreements(query: PageParams, who: Instructor, services: AppServices
     """
     wanted = SubmissionFilter(who.course, None, query.quiz, query.question)
     with services.database.read() as session:
-        found = stored.disagreements(session, wanted, query.start, query.limit + 1)
-        shown = views(session, services, who, [submission for submission, _ in found])
+        found = stored.list_disagreements(session, wanted, query.start, query.limit + 1)
+        shown = describe_for_reviewer(session, services, who, [submission for submission, _ in found])
     items = [{**one, **both_marks(review)} for one, (_, review) in zip(shown, found, strict=True)]
     return page_of(items, query, "/reviews/disagreements", response)
 
@@ -155,14 +155,14 @@ def claim_review(body: ClaimBody, who: Instructor, services: AppServices, respon
     with services.database.write() as session:
         desk.lock(session, who.course)
         if body.submission_id is not None:
-            submission = visible(session, body.submission_id, who)
+            submission = find_visible(session, body.submission_id, who)
         else:
             wanted = SubmissionFilter(who.course, None, body.quiz, body.question)
             queue = reviews.queue_of(desk, session, wanted, who.id if body.second else None)
             submission = reviews.next_to_claim(session, queue, who)
         claim = reviews.claim(session, who, submission, second=body.second)
-        (shown,) = views(session, services, who, [submission], with_answer=True)
-        shown |= helps(session, services, submission)
+        (shown,) = describe_for_reviewer(session, services, who, [submission], with_answer=True)
+        shown |= gather_helps(session, services, submission)
     response.headers["ETag"] = etag_of(submission)
     return {**shown, "claim": claim_view(claim)}
 
@@ -172,7 +172,7 @@ def prolong_claim(body: HeldBody, who: Instructor, services: AppServices) -> dic
     """Prolongs the caller's claim to 15 minutes from now. 409 once it has ended."""
     with services.database.write() as session:
         services.desk_of(who.course).lock(session, who.course)
-        return claim_view(reviews.prolong(session, who, visible(session, body.submission_id, who))) or {}
+        return claim_view(reviews.prolong(session, who, find_visible(session, body.submission_id, who))) or {}
 
 
 @router.post("/reviews:release", status_code=204, responses=refusals(401, 403, 404, 413, 422, 429))
@@ -180,7 +180,7 @@ def release_claim(body: HeldBody, who: Instructor, services: AppServices) -> Non
     """Ends the caller's claim, if there is one."""
     with services.database.write() as session:
         services.desk_of(who.course).lock(session, who.course)
-        reviews.release(session, who, visible(session, body.submission_id, who))
+        reviews.release(session, who, find_visible(session, body.submission_id, who))
 
 
 @router.post("/reviews:recompute", responses=refusals(401, 403, 404, 413, 422, 429))
@@ -200,9 +200,9 @@ def recompute_reviews(body: QuestionBody, who: Instructor, services: AppServices
 def show_review(submission_id: str, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Shows a submission as its reviewer sees it, without claiming it."""
     with services.database.read() as session:
-        submission = visible(session, submission_id, who)
-        (shown,) = views(session, services, who, [submission], with_answer=True)
-        shown |= helps(session, services, submission)
+        submission = find_visible(session, submission_id, who)
+        (shown,) = describe_for_reviewer(session, services, who, [submission], with_answer=True)
+        shown |= gather_helps(session, services, submission)
         claim = stored.claim_on(session, submission.id, now())
     response.headers["ETag"] = etag_of(submission)
     return {**shown, "claim": claim_view(claim)}
@@ -221,12 +221,12 @@ def put_review(
     """Adds the reviewer's verdict: its points count, and the learner sees the comment. Decides a disagreement."""
     desk = services.desk_of(who.course)
     with services.database.write() as session:
-        submission = visible(session, submission_id, who)
+        submission = find_visible(session, submission_id, who)
         desk.hold(session, submission)
         refuse_outdated(submission, if_match)
         reviews.decide(desk, session, who, submission, body.mark)
         session.flush()
-        (shown,) = views(session, services, who, [submission], with_answer=True)
+        (shown,) = describe_for_reviewer(session, services, who, [submission], with_answer=True)
     response.headers["ETag"] = etag_of(submission)
     return shown
 
@@ -238,7 +238,7 @@ def put_second_mark(
     """Keeps a second mark, which no learner sees; the first goes on counting. 409 unless one is waited for."""
     desk = services.desk_of(who.course)
     with services.database.write() as session:
-        submission = visible(session, submission_id, who)
+        submission = find_visible(session, submission_id, who)
         desk.hold(session, submission)
         refuse_outdated(submission, if_match)
         kept = reviews.mark_second(desk, session, who, submission, body.mark)
@@ -248,19 +248,21 @@ def put_second_mark(
     )
 
 
-def views(
+def describe_for_reviewer(
     session: Session, services: Services, who: Identity, rows: Sequence[Submission], *, with_answer: bool = False
 ) -> list[dict[str, Any]]:
     """Submissions as plain JSON for a reviewer, who sees neither names in anonymous quizzes nor the other's mark."""
-    verdicts = submissions.verdicts(session, rows)
-    seen = blinded(services.desk_of(who.course), session, who, rows, verdicts, always=True)
+    verdicts = submissions.read_verdicts(session, rows)
+    seen = hide_names(services.desk_of(who.course), session, who, rows, verdicts, always=True)
     return [
-        view(row, seen.verdicts.get(row.id), seen.names.get(row.id), with_answer=with_answer, with_seed=True)
+        describe_submission(
+            row, seen.verdicts.get(row.id), seen.names.get(row.id), with_answer=with_answer, with_seed=True
+        )
         for row in rows
     ]
 
 
-def helps(session: Session, services: Services, submission: Submission) -> dict[str, Any]:
+def gather_helps(session: Session, services: Services, submission: Submission) -> dict[str, Any]:
     """What helps a reviewer: the reference answer and the rubric, if the content still has them, and comments."""
     question = services.desk_of(submission.course).question(submission)
     at = (submission.course, submission.quiz, submission.question)

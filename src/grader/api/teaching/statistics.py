@@ -32,11 +32,11 @@ def show_statistics(quiz_id: str, who: Instructor, services: AppServices, known:
 
 def as_json(quiz: str, statistics: QuizStatistics) -> bytes:
     """The statistics of a quiz as JSON."""
-    questions = [item(question) for question in statistics.questions]
+    questions = [build_item(question) for question in statistics.questions]
     return json.dumps({"quiz": quiz, "learners": statistics.learners, "questions": questions}).encode()
 
 
-def item(question: QuestionStatistics) -> dict[str, Any]:
+def build_item(question: QuestionStatistics) -> dict[str, Any]:
     """The statistics of one question as plain JSON; counts as lists, the largest mistake first."""
     return asdict(question) | {
         "options": [{"option": option, "learners": n} for option, n in question.options.items()],

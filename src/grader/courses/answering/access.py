@@ -17,8 +17,8 @@ from grader.courses.rules.policy import (
     before_opening,
     decide,
     decide_without_content,
+    format_moment,
     has_opened,
-    spoken,
 )
 from grader.domain.policy import Extension, Policy, Progress
 from grader.errors import Conflict, NotFound
@@ -91,9 +91,9 @@ class LearnerAccess:
             return ""
         said = []
         if decision.due is not None and (decision.multiplier is None or decision.multiplier >= 1):
-            said.append(f"Due on {spoken(decision.due)}.")
+            said.append(f"Due on {format_moment(decision.due)}.")
         if decision.closes is not None and decision.closes != decision.due:
-            said.append(f"Answers are taken until {spoken(decision.closes)}.")
+            said.append(f"Answers are taken until {format_moment(decision.closes)}.")
         return " ".join(said)
 
     def has_opened(self, quiz: str) -> bool:
@@ -113,7 +113,7 @@ def require_opened(session: Session, library: Library, who: Identity, quiz: str)
 def read_access(session: Session, library: Library, who: Identity, at: tuple[str, str] | None = None) -> LearnerAccess:
     """The access of a user at all questions, or `at` one (quiz, question) only, which takes fewer queries."""
     if at is None:
-        progress = submissions.progress(session, who.course, who.id)
+        progress = submissions.compute_progress(session, who.course, who.id)
     else:
         progress = {at: submissions.progress_at(session, who.course, who.id, *at)}
     policies = read_policies(session, library, who.course, library.quizzes if at is None else at[:1])
@@ -121,7 +121,7 @@ def read_access(session: Session, library: Library, who: Identity, at: tuple[str
     extensible = [quiz for quiz, policy in policies.items() if may_be_extended(policy, library.quiz(quiz), question)]
     unpublished = [quiz for quiz, policy in policies.items() if policy.feedback == "after_publish"]
     extended = extensions.of_learner(session, who.course, who.id, extensible) if extensible else {}
-    published = extensions.published(session, who.course, unpublished) if unpublished else {}
+    published = extensions.find_published(session, who.course, unpublished) if unpublished else {}
     return LearnerAccess(library, policies, who.role, now(), progress, extended, published)
 
 

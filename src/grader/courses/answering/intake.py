@@ -138,7 +138,7 @@ class AnswerBatch:
             digest, earlier = first[0].parsed.digest, replace(first[1], decision=decision)
         elif (row := stored.earlier) is not None:
             submission = self._session.get_one(Submission, row.submission_id)
-            body = submissions.verdicts(self._session, [submission]).get(submission.id)
+            body = submissions.read_verdicts(self._session, [submission]).get(submission.id)
             verdict = None if body is None else Verdict.model_validate(body)
             digest, earlier = row.request_digest, Receipt(submission, verdict, row.http_status, decision)
         else:
@@ -150,7 +150,7 @@ class AnswerBatch:
     def _refuse_flood(self, answer: NewAnswer) -> None:
         """Counts one more script of a learner. Raises TooManyRequests if too many of them wait."""
         who, most = answer.who, answer.queue_max
-        waiting = submissions.pending(self._session, SubmissionFilter(who.course, learner=who.id))
+        waiting = submissions.count_pending(self._session, SubmissionFilter(who.course, learner=who.id))
         if waiting + self._queued[who.id] >= most:
             raise TooManyRequests(f"{most} of your scripts are still waiting; wait for their verdicts.", RETRY_S)
         self._queued[who.id] += 1

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import COMMAND_LINE, Action, record
 from grader.courses.people.identity import Identity
-from grader.courses.rules.policy import NO_EXTENSION, Attempt, counted, policy_in_force
+from grader.courses.rules.policy import NO_EXTENSION, Attempt, count_points, policy_in_force
 from grader.courses.sending import outbox
 from grader.domain.policy import Extension, Policy
 from grader.domain.verdict import Status, Verdict
@@ -157,12 +157,12 @@ def predict_points(
 ) -> float | None:
     """The points that would count if submissions had these statuses and points; None if nothing would count yet."""
     attempts = {row.id: make_attempt(row) for row in results.attempts_of(session, key)}
-    for submission in submissions.several(session, list(verdicts)):
+    for submission in submissions.get_several(session, list(verdicts)):
         status, points = verdicts[submission.id]
         attempts[submission.id] = Attempt(
             submission.id, submission.attempt, submission.created_at, status, points, status.uses_attempt
         )
-    now_counted = counted([attempts[attempt] for attempt in sorted(attempts)], *read_rules(session, library, key))
+    now_counted = count_points([attempts[attempt] for attempt in sorted(attempts)], *read_rules(session, library, key))
     return now_counted.points if now_counted.sources or results.find(session, key) else None
 
 
@@ -184,7 +184,7 @@ def recount_quiz(database: Database, library: Library, course: str, quiz: str) -
 def list_results(database: Database, course: str, quiz: str) -> Sequence[LearnerAt]:
     """Every learner at a question of a quiz who has a result."""
     with database.read() as session:
-        return results.keys(session, course, quiz)
+        return results.list_keys(session, course, quiz)
 
 
 def grant(
@@ -197,7 +197,7 @@ def grant(
     database.lock_learner(session, learner.course, learner.id)
     extensions.put(session, (learner.course, quiz, learner.id), granted, COMMAND_LINE if by is None else by.user)
     session.flush()
-    for learner_at in results.keys(session, learner.course, quiz, learner.id):
+    for learner_at in results.list_keys(session, learner.course, quiz, learner.id):
         recount(session, library, learner_at)
     outbox.release(database, session, learner.course, quiz, learner.id)
     detail = granted.model_dump(mode="json")
@@ -239,7 +239,7 @@ def count_attempts(
     before: Columns | None,
 ) -> dict[str, Any]:
     """What counts, as columns of a result; `worth` are the maximal points by submission where they have changed."""
-    total = counted(attempts, policy, extension)
+    total = count_points(attempts, policy, extension)
     source = total.sources[-1] if total.sources else None
     if source is None:
         assert before is not None

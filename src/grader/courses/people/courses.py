@@ -67,7 +67,7 @@ def make_course(database: Database, session: Session, by: Identity, name: str) -
     if course_exists(session, course):
         raise Conflict(f"There is a course {course!r} already: its instructors can invite you, on their page People.")
     home = get_home(session, by)
-    member = members.named(session, by.user, Role.INSTRUCTOR, course)
+    member = members.get_named(session, by.user, Role.INSTRUCTOR, course)
     member.home = home.id
     session.flush()
     record(session, by, by.course, Action.COURSE_MADE, course)

@@ -22,7 +22,7 @@ def erase_learner(
     if member.role != Role.STUDENT:
         raise Unprocessable(f"{member.name} is no student: change the role first, or remove the member.")
     database.lock_learner(session, member.course, member.id)
-    if waiting := erasure.ungraded(session, member):
+    if waiting := erasure.count_ungraded(session, member):
         raise Conflict(f"{waiting} of the learner's answers wait for the grader: try again when they are graded.")
     name = erasure.erase(session, member)
     record(session, by, member.course, Action.MEMBER_ERASED, name, member=member.id)

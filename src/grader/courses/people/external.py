@@ -39,7 +39,7 @@ class External:
         return f"{self.namespace}:{self.id}"[:NAME]
 
 
-def checked(namespace: str, external_id: str) -> External:
+def check_external(namespace: str, external_id: str) -> External:
     """Returns the person of this id. Raises Unprocessable if it cannot be one, or is in our own namespace."""
     if not NAMESPACES.fullmatch(namespace) or namespace == OWN:
         raise Unprocessable(

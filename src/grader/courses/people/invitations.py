@@ -47,7 +47,7 @@ def invite(
         some = ", ".join(twice[:TOLD]) + (" and others" if len(twice) > TOLD else "")
         raise Unprocessable(f"Given twice: {some}. Two people of one name need different names here.")
     members.require_reach(by, checked)
-    invited = [members.named(session, name, checked, course, by=by) for name in names]
+    invited = [members.get_named(session, name, checked, course, by=by) for name in names]
     if others := [member for member in invited if member.role != checked]:
         raise Conflict(members.other_roles(others[:TOLD]))
     return [invite_member(session, by, member) for member in invited]
@@ -65,7 +65,7 @@ def invite_member(session: Session, by: Identity | None, member: Member) -> Invi
     return Invitation(member, code, now() + INVITATION)
 
 
-def pending(session: Session, course: str) -> Sequence[Credential]:
+def list_pending(session: Session, course: str) -> Sequence[Credential]:
     """Returns the links of a course that were neither used nor revoked, newest first."""
     return credentials.alive_in(session, course, Kind.SIGN_IN, now())
 
@@ -102,6 +102,6 @@ def join(session: Session, code: str, name: str) -> BrowserSession:
     course = courses.course_with_code(session, code)
     if course is None:
         raise Forbidden(CLOSED)
-    opened = start_session(session, members.unnamed(session, course, name))
+    opened = start_session(session, members.make_unnamed(session, course, name))
     record(session, opened.identity, course, Action.JOINED, opened.identity.user)
     return opened

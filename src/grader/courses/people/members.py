@@ -42,7 +42,9 @@ def require_credential(session: Session, by: Identity | None) -> None:
         raise Unauthorized(FAILED)
 
 
-def named(session: Session, name: str, role: Role, course: str | None = None, *, by: Identity | None = None) -> Member:
+def get_named(
+    session: Session, name: str, role: Role, course: str | None = None, *, by: Identity | None = None
+) -> Member:
     """Returns the member of this name that an instructor or operator made; made now, with the role, at the first call.
     Members who chose their name themselves are never found by it. One who was removed is a member again. Raises
     Unprocessable, and Forbidden where `by` may not act on them."""
@@ -65,7 +67,7 @@ def other_roles(some: Sequence[Member]) -> str:
     )
 
 
-def known(session: Session, name: str, course: str) -> bool:
+def is_known(session: Session, name: str, course: str) -> bool:
     """Whether an instructor or operator has made a member of this name, who is still there. Raises Unprocessable."""
     member = people.with_account(session, course, f"name:{checked_name('user', name)}")
     return member is not None and member.removed_at is None
@@ -87,7 +89,7 @@ def with_account(session: Session, account: str, name: str, role: Role, course: 
     return member
 
 
-def unnamed(session: Session, course: str = DEFAULT_COURSE, name: str | None = None) -> Member:
+def make_unnamed(session: Session, course: str = DEFAULT_COURSE, name: str | None = None) -> Member:
     """Makes a learner whose browser session is the only way back; without a name, one is made up. Raises Unprocessable.
     The name is a label: others may bear it too."""
     chosen = f"learner-{secrets.token_hex(3)}" if name is None else checked_name("learner", name.strip())
@@ -101,7 +103,7 @@ def remove(session: Session, by: Identity, member_id: str) -> None:
     """Ends a member's tokens, sessions and links; the answers stay. Raises NotFound, Conflict, Forbidden,
     Unauthorized."""
     require_credential(session, by)
-    member = other(session, by, member_id)
+    member = get_other(session, by, member_id)
     credentials.revoke_all(session, member.id, now())
     member.removed_at = now()
     record(session, by, by.course, Action.MEMBER_REMOVED, member.name, member=member.id)
@@ -112,7 +114,7 @@ def change_role(session: Session, by: Identity, member_id: str, role: str) -> Me
     require_credential(session, by)
     if is_restricted(by):
         raise Forbidden(STUDENTS_ALONE)
-    member = other(session, by, member_id)
+    member = get_other(session, by, member_id)
     give_role(session, by, member, checked_person(role))
     return member
 
@@ -168,7 +170,7 @@ def checked_person(role: str) -> Role:
     return checked
 
 
-def other(session: Session, by: Identity, member_id: str) -> Member:
+def get_other(session: Session, by: Identity, member_id: str) -> Member:
     """Returns a member of the course other than `by`, who may act on them. Raises NotFound, Conflict, Forbidden."""
     member = people.get(session, member_id, by.course)
     if member is None:

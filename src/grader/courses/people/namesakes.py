@@ -12,7 +12,7 @@ DIGITS = 4
 
 def marks_in(session: Session, course: str) -> Mapping[str, str]:
     """Returns the marks of the members of a course whose name another bears too, by id; of removed ones as well."""
-    return {namesake: make_mark(namesake) for namesake in people.namesakes(session, course)}
+    return {namesake: make_mark(namesake) for namesake in people.find_namesakes(session, course)}
 
 
 def make_mark(member: str) -> str:
@@ -20,6 +20,6 @@ def make_mark(member: str) -> str:
     return f"…{member[-DIGITS:]}"
 
 
-def marked(name: str, member: str | None, marks: Mapping[str, str]) -> str:
+def mark_name(name: str, member: str | None, marks: Mapping[str, str]) -> str:
     """Returns a name with its mark, if it has one, as plain text."""
     return f"{name} {marks[member]}" if member is not None and member in marks else name

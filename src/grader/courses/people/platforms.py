@@ -69,7 +69,7 @@ def add(session: Session, by: Identity | None, given: Registration, deployment_i
     for field, value in (("issuer", given.issuer), ("client id", given.client_id)):
         if not 1 <= len(value) <= ID or not value.isprintable():
             raise Unprocessable(f"The {field} of a platform has 1 to {ID} printable characters.")
-    if platforms.registered(session, given.issuer, given.client_id):
+    if platforms.find_registered(session, given.issuer, given.client_id):
         raise Conflict("This issuer is registered with this client id already: remove that platform first.")
     row = PlatformRow(**vars(given) | {"name": name, "origins": json.dumps(given.origins)})
     session.add(row)

@@ -7,7 +7,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity, Kind, Role, checked_role, find, identity_of, issue
-from grader.courses.people.members import give_role, named, unnamed
+from grader.courses.people.members import get_named, give_role, make_unnamed
 from grader.errors import Unauthorized
 from grader.store import credentials, people
 from grader.store.tables import Credential, Member, now
@@ -36,7 +36,7 @@ def create_sign_in_code(session: Session, user: str, role: Role | str, course: s
     """Creates a code that opens one browser session for a named member, for the operator, who also gives the role.
     Raises Unprocessable."""
     checked = checked_role(role)
-    member = named(session, user, checked, course)
+    member = get_named(session, user, checked, course)
     give_role(session, None, member, checked)
     return issue(session, Kind.SIGN_IN, member, SIGN_IN_CODE)
 
@@ -61,7 +61,7 @@ def start_session(
 
 def start_anonymous_session(session: Session) -> BrowserSession:
     """Starts a browser session for a new learner with a made-up name."""
-    return start_session(session, unnamed(session))
+    return start_session(session, make_unnamed(session))
 
 
 def identity_behind(session: Session, code: str) -> Identity | None:

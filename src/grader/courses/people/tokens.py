@@ -17,7 +17,7 @@ from grader.courses.people.identity import (
     checked_scopes,
     issue,
 )
-from grader.courses.people.members import named, other_roles, require_credential, require_reach
+from grader.courses.people.members import get_named, other_roles, require_credential, require_reach
 from grader.errors import Conflict, Forbidden, NotFound
 from grader.store import credentials, people
 from grader.store.tables import Credential, now
@@ -38,7 +38,7 @@ def create_token(
         require_within(session, by, by.scopes, wanted, lifetime)
     require_credential(session, by)
     require_reach(by, checked)
-    member = named(session, user, checked, course, by=by)
+    member = get_named(session, user, checked, course, by=by)
     if member.role != checked:
         raise Conflict(other_roles([member]))
     session.flush()
@@ -60,7 +60,7 @@ def require_within(
         raise Forbidden(f"A token can give another only the time that it has itself: until {ends:%Y-%m-%d %H:%M} UTC.")
 
 
-def tokens(session: Session, course: str) -> Sequence[Credential]:
+def list_tokens(session: Session, course: str) -> Sequence[Credential]:
     """Returns the tokens of a course that were not revoked and have not expired, newest first."""
     return credentials.alive_in(session, course, Kind.TOKEN, now())
 
@@ -88,7 +88,7 @@ def revoke_all(session: Session, user: str, course: str | None = None) -> int:
     return ended
 
 
-def shown(credential: Credential) -> dict[str, Any]:
+def describe_credential(credential: Credential) -> dict[str, Any]:
     """Returns a token or a link, without its secret."""
     names = ("id", "member", "role", "label", "created_at", "created_by", "expires_at", "last_used_at")
     return {name: getattr(credential, name) for name in names} | {

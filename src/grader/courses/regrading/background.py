@@ -103,7 +103,7 @@ class Regrading:
         regrade_id, _, lane = subject.partition(":")
         regrades.begin(session, regrade_id)
         regrade = session.get_one(Regrade, regrade_id, populate_existing=True)
-        items = regrades.waiting(session, regrade_id, int(lane), PIECE)
+        items = regrades.list_waiting(session, regrade_id, int(lane), PIECE)
         if regrade.status not in UNFINISHED or not items:
             return None
         return Piece(subject, int(lane), regrade, tuple(read_works(session, items)))
@@ -121,7 +121,7 @@ class Regrading:
         """Ends the regrade as failed; what it has stored stays."""
 
         def store(session: Session) -> None:
-            regrade = regrades.locked(session, started.regrade.id)
+            regrade = regrades.lock(session, started.regrade.id)
             if regrade.status in UNFINISHED:
                 regrades.finish(session, regrade, FAILED, OUR_FAULT)
 
@@ -151,18 +151,18 @@ class Regrading:
         return Regraded(work, Outcome.SAME if is_same(work.verdict, verdict) else Outcome.CHANGED, verdict)
 
     def _store(self, session: Session, piece: Piece, done: list[Regraded]) -> None:
-        regrade = regrades.locked(session, piece.regrade.id)
+        regrade = regrades.lock(session, piece.regrade.id)
         if regrade.status not in UNFINISHED:
             return
         # No reviewer and no other regrade decides in between: with the lock, submissions at rest stay as they are read.
         self.database.lock(session, f"reviews\n{regrade.course}")
         items = {
             item.number: item
-            for item in regrades.numbered(session, regrade.id, [outcome.work.number for outcome in done])
+            for item in regrades.get_numbered(session, regrade.id, [outcome.work.number for outcome in done])
         }
         found = {
             submission.id: submission
-            for submission in submissions.several(session, [item.submission_id for item in items.values()])
+            for submission in submissions.get_several(session, [item.submission_id for item in items.values()])
         }
         storing = _Storing(self, session, regrade, self.archive.current_library(session, regrade.course, regrade.quiz))
         pause_s = 0.0
@@ -173,9 +173,9 @@ class Regrading:
                     pause_s = max(pause_s, waits_s)
                     break
         session.flush()
-        if regrades.waiting(session, regrade.id, piece.lane, 1):
+        if regrades.list_waiting(session, regrade.id, piece.lane, 1):
             jobs.put(session, jobs.REGRADE, piece.subject, share=regrade.id, delay_s=pause_s)
-        elif not regrades.waiting(session, regrade.id, None, 1):
+        elif not regrades.list_waiting(session, regrade.id, None, 1):
             regrades.finish(session, regrade, DONE)
             log.info("regraded", regrade=regrade.id)
 
@@ -240,8 +240,8 @@ def get_points(result: Result | None) -> float | None:
 def read_works(session: Session, items: Sequence[RegradeItem]) -> Iterator[Work]:
     """Yields the submissions of items, with what is known of them."""
     ids = [item.submission_id for item in items]
-    found = {submission.id: submission for submission in submissions.several(session, ids)}
-    verdicts, reviewed = submissions.verdicts(session, found.values()), regrades.reviewed(session, ids)
+    found = {submission.id: submission for submission in submissions.get_several(session, ids)}
+    verdicts, reviewed = submissions.read_verdicts(session, found.values()), regrades.find_reviewed(session, ids)
     for item in items:
         one = item.submission_id
         yield Work(item.number, item.place, found.get(one), verdicts.get(one), one in reviewed)

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from grader.courses.answering.results import make_attempt
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
-from grader.courses.rules.policy import NO_EXTENSION, counted, policy_in_force
+from grader.courses.rules.policy import NO_EXTENSION, count_points, policy_in_force
 from grader.domain.policy import Extension, Policy
 from grader.errors import Conflict, NotFound
 from grader.library import Library
@@ -78,7 +78,7 @@ def restore_wanted(tried: Regrade) -> Wanted:
 
 def refuse_more(session: Session, regrade: Regrade) -> None:
     """Raises Conflict while the course has too many unfinished regrades, or one that changes the same quiz."""
-    running = regrades.unfinished(session, regrade.course)
+    running = regrades.list_unfinished(session, regrade.course)
     if len(running) >= UNFINISHED_MAX:
         raise Conflict(f"{UNFINISHED_MAX} regrades are in progress: wait for one, or cancel one.")
     if any(not (other.dry_run or regrade.dry_run) and other.quiz == regrade.quiz for other in running):
@@ -88,7 +88,7 @@ def refuse_more(session: Session, regrade: Regrade) -> None:
 def cancel(session: Session, who: Identity, regrade_id: str) -> Regrade:
     """Ends a regrade; the verdicts that it has appended stay. Raises NotFound, and Conflict if it is over."""
     get(session, regrade_id, who.course)
-    regrade = regrades.locked(session, regrade_id)
+    regrade = regrades.lock(session, regrade_id)
     if regrade.status in UNFINISHED:
         regrades.finish(session, regrade, CANCELLED)
         record(session, who, who.course, Action.REGRADE_CANCELLED, regrade.id)
@@ -109,8 +109,8 @@ def choose(
     session: Session, course: str, quiz: Quiz, questions: list[str], scope: Scope | tuple[str, ...]
 ) -> list[dict[str, Any]]:
     """Returns the submissions of a scope as columns of items. Raises NotFound if one that is named is not there."""
-    rows = regrades.candidates(session, course, quiz.id, questions, None if isinstance(scope, str) else scope)
-    extended = {row.learner: extensions.extension(row) for row, _ in extensions.of_quiz(session, course, quiz.id)}
+    rows = regrades.list_candidates(session, course, quiz.id, questions, None if isinstance(scope, str) else scope)
+    extended = {row.learner: extensions.read_extension(row) for row, _ in extensions.of_quiz(session, course, quiz.id)}
     by_learner = [list(theirs) for _, theirs in groupby(rows, key=lambda row: (row.learner, row.question))]
     policy = policy_in_force(quiz.default_policy, policies.of_quiz(session, course, quiz.id))
     chosen = [select_rows(theirs, scope, policy, extended.get(theirs[0].learner)) for theirs in by_learner]
@@ -134,11 +134,11 @@ def select_rows(
     if scope == "latest":
         return used[-1:]
     best = policy.model_copy(update={"counts": "best"})
-    sources = counted([make_attempt(row) for row in used], best, extension or NO_EXTENSION).sources
+    sources = count_points([make_attempt(row) for row in used], best, extension or NO_EXTENSION).sources
     return [row for row in used if row.id in {source.id for source in sources}]
 
 
-def view(regrade: Regrade, counts: Mapping[str, int]) -> dict[str, Any]:
+def describe_regrade(regrade: Regrade, counts: Mapping[str, int]) -> dict[str, Any]:
     """Returns a regrade as plain JSON; `counts` are its items by outcome."""
     names = (
         "id", "quiz", "question", "dry_run", "status", "reason", "content_digest", "created_by", "created_at",
@@ -188,4 +188,6 @@ def view_points(status: str | None, points: float | None) -> dict[str, Any] | No
 
 def read_page(session: Session, regrade_id: str, after: int, limit: int, *, changed: bool) -> list[dict[str, Any]]:
     """The differences of at most `limit` learners after a place; with `changed` those alone whose verdicts differ."""
-    return list(compare_points(regrades.learners(session, regrade_id, after, limit, "changed" if changed else None)))
+    return list(
+        compare_points(regrades.list_learners(session, regrade_id, after, limit, "changed" if changed else None))
+    )

@@ -48,7 +48,7 @@ def compare_scripts(
         -SCRIPTS_MAX:
     ]
     names = {attempt.id: attempt.name for attempt in newest}
-    sources = {row.id: read_source(row.answer) for row in submissions.several(session, list(names))}
+    sources = {row.id: read_source(row.answer) for row in submissions.get_several(session, list(names))}
     given = hash_given(list_given(desk.library, quiz, question))
     fingerprints = {one: take_fingerprints(source, given) for one, source in sources.items() if source}
     groups = tuple(find_alike(fingerprints))

@@ -9,8 +9,8 @@ from functools import lru_cache
 from sqlalchemy.orm import Session
 
 from grader.courses.people.identity import Identity
-from grader.courses.people.namesakes import marked, marks_in
-from grader.courses.reviewing.blinding import blinded
+from grader.courses.people.namesakes import mark_name, marks_in
+from grader.courses.reviewing.blinding import hide_names
 from grader.courses.reviewing.desk import Desk
 from grader.courses.rules.mistakes import Family, Mistake, group_mistakes, name_mistake
 from grader.courses.rules.positions import choose_placing, merge_axes, read_positions
@@ -103,20 +103,20 @@ class ClassReader:
     def read_anonymous(self, session: Session, course: str, quiz: tuple[str, str], question: Question) -> ClassAnswers:
         """Returns the answers of a class as the verdicts stand, with ids in place of names. `quiz` is its id and its
         digest."""
-        without = frozenset(results.instructors(session, course))
-        state = results.state(session, course, [quiz[0]])
+        without = frozenset(results.list_instructors(session, course))
+        state = results.read_state(session, course, [quiz[0]])
         return self._read(Version(course, quiz[0], question, question.id, quiz[1], without, state))
 
     def read_for(self, desk: Desk, session: Session, who: Identity, quiz: str, question: Question) -> ClassAnswers:
         """Returns the answers as an instructor may see them: with pseudonyms where marking is blind, and without first
         marks that are not to be seen yet."""
-        without = results.instructors(session, who.course)
+        without = results.list_instructors(session, who.course)
         wanted = SubmissionFilter(who.course, quiz=quiz, question=question.id)
         rows = submissions.graded_at(session, wanted, without, ATTEMPTS_MAX)
         verdicts = {row.id: json.loads(body) for row, body in rows}
-        seen = blinded(desk, session, who, [row for row, _ in rows], verdicts)
+        seen = hide_names(desk, session, who, [row for row, _ in rows], verdicts)
         marks = marks_in(session, who.course)
-        named = {row.id: seen.names.get(row.id) or marked(row.user, row.learner, marks) for row, _ in rows}
+        named = {row.id: seen.names.get(row.id) or mark_name(row.user, row.learner, marks) for row, _ in rows}
         answers = name_choices(build_answers([(row, seen.verdicts[row.id]) for row, _ in rows], question), question)
         by_learner = {
             learner: [replace(attempt, name=named[attempt.id]) for attempt in theirs]

@@ -56,9 +56,9 @@ class Statistics:
         """Reads the current version of what this instructor may see. Raises NotFound for an unknown quiz."""
         quiz, digest = library.quiz(quiz_id), library.digest(quiz_id)
         with self._database.read() as session:
-            without = frozenset(results.instructors(session, who.course))
+            without = frozenset(results.list_instructors(session, who.course))
             unseen = unseen_by(session, who).results
-            state = results.state(session, who.course, [quiz_id])
+            state = results.read_state(session, who.course, [quiz_id])
         hidden = frozenset(
             (place.learner, place.question) for place in unseen if (place.course, place.quiz) == (who.course, quiz_id)
         )

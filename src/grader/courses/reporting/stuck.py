@@ -61,7 +61,7 @@ def find_stuck(session: Session, course: str, without: Collection[str]) -> list[
     """Returns the learners of a course who are stuck, those with the most attempts first; not the members `without`.
     What a person marks is left out: there the learner waits, and bears a pseudonym."""
     since = now() - RECENT
-    tries = submissions.unsolved(session, course, since, ATTEMPTS_MIN, newest=SUBMISSIONS_MAX, limit=PLACES_MAX)
+    tries = submissions.find_unsolved(session, course, since, ATTEMPTS_MIN, newest=SUBMISSIONS_MAX, limit=PLACES_MAX)
     runs = [run for run in find_runs(tries) if run[-1].learner not in without]
     newest = [attempt.submission for run in runs for attempt in run[-ATTEMPTS_MIN:]]
     return select_stuck(runs, submissions.verdicts_of(session, newest))

@@ -31,7 +31,7 @@ class Blinded:
     names: Mapping[str, str]
 
 
-def blinded(
+def hide_names(
     desk: Desk, session: Session, who: Identity, rows: Sequence[Submission], verdicts: Mapping[str, Any], *,
     always: bool = False,
 ) -> Blinded:  # fmt: skip
@@ -42,7 +42,7 @@ def blinded(
     held = reviews.of_submissions(session, [row.id for row in rows])
     hidden = [one for one, review in held.items() if review.second == WAITING and review.reviewer != who.id]
     earlier = reviews.graders_verdicts(session, hidden) if hidden else {}
-    names = pseudonyms(desk, session, who, [row for row in rows if is_marked(row, held)], always=always)
+    names = list_pseudonyms(desk, session, who, [row for row in rows if is_marked(row, held)], always=always)
     return Blinded({**verdicts, **earlier}, names)
 
 
@@ -51,7 +51,7 @@ def is_marked(row: Submission, reviewed: Collection[str]) -> bool:
     return row.status == NEEDS_REVIEW or row.id in reviewed
 
 
-def pseudonyms(
+def list_pseudonyms(
     desk: Desk, session: Session, who: Identity, marked: Sequence[Submission], *, always: bool
 ) -> dict[str, str]:
     """Returns the pseudonyms of submissions that a person marks, by id; without those that bear the learner's name."""
@@ -60,7 +60,7 @@ def pseudonyms(
     if always or not others:
         return {row.id: desk.blinding.name(row) for row in others}
     averaged = desk.list_averaged(session, who.course)
-    waiting = reviews.undecided(session, who.course, averaged, learners)
+    waiting = reviews.find_undecided(session, who.course, averaged, learners)
     return {row.id: desk.blinding.name(row) for row in others if (row.quiz, row.learner) in waiting}
 
 
@@ -85,8 +85,8 @@ def blinded_differences(
 ) -> list[dict[str, Any]]:
     """The differences of a regrade (`regrades.differences`) without names and first marks that are to stay unseen."""
     found = list(items)
-    rows = submissions.several(session, [sub["submission_id"] for item in found for sub in item["submissions"]])
-    names, unseen = blinded(desk, session, who, rows, {}).names, unseen_by(session, who)
+    rows = submissions.get_several(session, [sub["submission_id"] for item in found for sub in item["submissions"]])
+    names, unseen = hide_names(desk, session, who, rows, {}).names, unseen_by(session, who)
     return [
         _difference(item, names, unseen, LearnerAt(who.course, item["learner"], quiz, item["question"]))
         for item in found

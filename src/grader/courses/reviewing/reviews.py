@@ -9,8 +9,16 @@ from grader.courses.answering import results
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
 from grader.courses.reviewing.desk import Desk
-from grader.courses.rules.policy import spoken
-from grader.courses.rules.rubric import Mark, fingerprint, items_of, marked, recomputed, rubric_of, rubric_points
+from grader.courses.rules.policy import format_moment
+from grader.courses.rules.rubric import (
+    Mark,
+    compute_fingerprint,
+    items_of,
+    mark_verdict,
+    recompute_points,
+    rubric_of,
+    rubric_points,
+)
 from grader.domain.verdict import Verdict
 from grader.errors import Conflict, NotFound, Unprocessable
 from grader.questions import Question
@@ -49,7 +57,7 @@ def claim(session: Session, who: Identity, submission: Submission, *, second: bo
 
 def next_to_claim(session: Session, queue: Queue, who: Identity) -> Submission:
     """Returns the submission that has waited longest for a claim. Raises NotFound."""
-    submission = reviews.oldest(session, queue, who.id, now())
+    submission = reviews.find_oldest(session, queue, who.id, now())
     if submission is None:
         raise NotFound("No submission needs a review here.")
     return submission
@@ -78,7 +86,7 @@ def require_free(session: Session, submission: Submission, who: Identity) -> Non
         raise Conflict("This submission is still being graded.")
     held = reviews.claim_on(session, submission.id, now())
     if held is not None and held.reviewer != who.id:
-        raise Conflict(f"{held.name} is reviewing this submission until {spoken(held.expires_at)}.")
+        raise Conflict(f"{held.name} is reviewing this submission until {format_moment(held.expires_at)}.")
 
 
 def require_second(session: Session, submission: Submission, who: Identity) -> Review:
@@ -143,10 +151,10 @@ def follow_rubric(desk: Desk, session: Session, submission_id: str, who: Identit
     submission = session.get_one(Submission, submission_id)
     desk.hold(session, submission)
     review, question = session.get_one(Review, submission_id), desk.question(submission)
-    if question is None or not rubric_of(question) or review.rubric in (None, fingerprint(question)):
+    if question is None or not rubric_of(question) or review.rubric in (None, compute_fingerprint(question)):
         return False
     earlier = read_newest(session, submission)
-    verdict = recomputed(earlier, question)
+    verdict = recompute_points(earlier, question)
     if verdict is not earlier:
         results.append_verdict(
             desk.database, desk.library, session, submission, verdict, cause="rubric", reviewer=review.name
@@ -159,26 +167,26 @@ def follow_rubric(desk: Desk, session: Session, submission_id: str, who: Identit
         review.second_points = rubric_points(items_of(question, kept), question.points)
     if review.second in (AGREED, DIFFERS):
         review.second = compare_marks(desk, submission, review)
-    review.rubric = fingerprint(question)
+    review.rubric = compute_fingerprint(question)
     return verdict is not earlier
 
 
 def read_newest(session: Session, submission: Submission) -> Verdict:
     """Returns the newest verdict on a submission that is at rest."""
-    return Verdict.model_validate(submissions.verdicts(session, [submission])[submission.id])
+    return Verdict.model_validate(submissions.read_verdicts(session, [submission])[submission.id])
 
 
 def apply_mark(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:
     """Returns the verdict after a mark. Raises Unprocessable."""
     try:
-        return marked(verdict, question, mark)
+        return mark_verdict(verdict, question, mark)
     except ValueError as error:
         raise Unprocessable(f"{error}.") from error
 
 
 def find_fingerprint(question: Question | None, mark: Mark) -> str | None:
     """Returns the fingerprint of the rubric that a mark's points follow, if they do."""
-    return None if question is None or not mark.follows_rubric else fingerprint(question)
+    return None if question is None or not mark.follows_rubric else compute_fingerprint(question)
 
 
 def compare_marks(desk: Desk, submission: Submission, review: Review) -> str:

@@ -10,7 +10,7 @@ import structlog
 from grader.courses.people.identity import Identity
 from grader.courses.reviewing.desk import Desk
 from grader.courses.reviewing.reviews import follow_rubric
-from grader.courses.rules.rubric import fingerprint, rubric_of
+from grader.courses.rules.rubric import compute_fingerprint, rubric_of
 from grader.errors import NotFound
 from grader.store.engine.database import Database
 from grader.store.reviewing import reviews
@@ -28,7 +28,7 @@ def list_outdated(desk: Desk, quiz: str, question: str, course: str) -> list[str
     if not rubric_of(asked):
         return []
     with desk.database.read() as session:
-        return reviews.of_other_rubric(session, quiz, question, fingerprint(asked), course)
+        return reviews.of_other_rubric(session, quiz, question, compute_fingerprint(asked), course)
 
 
 def recompute(desk: Desk, submission_id: str, who: Identity | None = None) -> bool:

@@ -10,7 +10,7 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple
 
-from grader.courses.rules.csv_cells import BOM, guarded, lines
+from grader.courses.rules.csv_cells import BOM, guard, write_lines
 from grader.domain.verdict import POINT_DIGITS
 
 
@@ -99,16 +99,16 @@ def gradebook_csv(
     for the local code page otherwise; Canvas and Moodle read it with and without. The form for Canvas has a second row
     with the points of each assignment, or new ones would be made without."""
     mark = BOM if bom else ""
-    for line in lines(heading_cells(columns, form)):
+    for line in write_lines(heading_cells(columns, form)):
         yield mark + line
         mark = ""
-    yield from lines(row_cells(rows, columns, form))
+    yield from write_lines(row_cells(rows, columns, form))
 
 
 def heading_cells(columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
     """The heading, and for Canvas the points of the assignments."""
     cells, sums = LEARNER[form], ["points", "max_points"] if form is Form.GENERIC else []
-    yield [*cells, *headings(columns, form), *sums]
+    yield [*cells, *list_headings(columns, form), *sums]
     if form is Form.CANVAS:
         blank = [""] * (len(cells) - 1)
         yield [f"    {POINTS_ROW}", *blank, *(number(column.max_points) for column in columns)]
@@ -121,7 +121,7 @@ def row_cells(rows: Iterable[Row], columns: Sequence[Column], form: Form) -> Ite
     for row in rows:
         points = list(map(row.points.get, keys))
         total = [number(math.fsum(filter(None, points))), full] if form is Form.GENERIC else []
-        yield [*(guarded(cell(row)) for cell in learner), *map(number, points), *total]
+        yield [*(guard(cell(row)) for cell in learner), *map(number, points), *total]
 
 
 def no_points_row(name: str) -> str:
@@ -129,13 +129,13 @@ def no_points_row(name: str) -> str:
     return name.replace(POINTS_ROW, POINTS_ROW.replace(" ", "_"))
 
 
-def headings(columns: Sequence[Column], form: Form) -> list[str]:
+def list_headings(columns: Sequence[Column], form: Form) -> list[str]:
     """One heading for each column: its name in the generic form, else the title. Canvas takes the points of both
     columns from the first where two have one heading: `[name]` is appended to repeated titles, and to those
     that end like the id of an assignment. Titles that look like a total, which it would drop, are replaced. A title
     that no assignment has makes a new one, so titles should stay as they are."""
     if form is Form.GENERIC:
-        return [guarded(column.name) for column in columns]
+        return [guard(column.name) for column in columns]
     titles = [" ".join(column.title.split()) for column in columns]
     taken = Counter([*titles, *LEARNER[form]])
     unique = [
@@ -143,8 +143,8 @@ def headings(columns: Sequence[Column], form: Form) -> list[str]:
         for title, column in zip(titles, columns, strict=True)
     ]
     if form is Form.MOODLE:
-        return [guarded(title) for title in unique]
-    return [guarded(canvas_heading(title, column)) for title, column in zip(unique, columns, strict=True)]
+        return [guard(title) for title in unique]
+    return [guard(canvas_heading(title, column)) for title, column in zip(unique, columns, strict=True)]
 
 
 def canvas_heading(title: str, column: Column) -> str:

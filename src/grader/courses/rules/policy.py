@@ -140,7 +140,11 @@ def has_opened(policy: Policy, now: datetime, role: str) -> bool:
 
 def before_opening(policy: Policy, now: datetime) -> str | None:
     """When the quiz opens, in a sentence; None once it has."""
-    return f"This quiz opens on {spoken(policy.opens)}." if policy.opens is not None and now < policy.opens else None
+    return (
+        f"This quiz opens on {format_moment(policy.opens)}."
+        if policy.opens is not None and now < policy.opens
+        else None
+    )
 
 
 def decide(
@@ -156,9 +160,9 @@ def decide(
         return replace(UNRESTRICTED, due=due, closes=closes)
     allowed = attempts_allowed(policy, extension, question)
     left = None if allowed is None else max(0, allowed - progress.used)
-    why_not = refusal(policy, closes, allowed, left, now)
+    why_not = explain_refusal(policy, closes, allowed, left, now)
     closed = closes is not None and now > closes
-    withheld = withholding(policy, closes, closed, published_at, now)
+    withheld = explain_withholding(policy, closes, closed, published_at, now)
     if withheld:
         shown = Shown.RECEIPT
     else:
@@ -180,7 +184,7 @@ def decide_without_content(role: str) -> Decision:
     return Decision(gone, None, None, Shown.RECEIPT, gone, None, None, gone)
 
 
-def counted(attempts: Sequence[Attempt], policy: Policy, extension: Extension | None) -> Counted:
+def count_points(attempts: Sequence[Attempt], policy: Policy, extension: Extension | None) -> Counted:
     """The points that count, to 9 digits, late multipliers included; `attempts` in the order of handing in. A learner
     may see them from `Shown.FEEDBACK` on. Only attempts that used one and have a verdict count. Among equally good ones
     the first is the best. A taken answer keeps counting, also where `due` is moved to an earlier date."""
@@ -230,26 +234,26 @@ def attempts_allowed(policy: Policy, extension: Extension, question: Question) -
     return None if allowed is None else allowed + extension.attempts
 
 
-def refusal(
+def explain_refusal(
     policy: Policy, closes: datetime | None, allowed: int | None, left: int | None, now: datetime
 ) -> str | None:
     """Why no answer is taken now, in a sentence; None where one is."""
     if (unopened := before_opening(policy, now)) is not None:
         return unopened
     if closes is not None and now > closes:
-        return f"This quiz closed on {spoken(closes)}."
+        return f"This quiz closed on {format_moment(closes)}."
     if left != 0:
         return None
     spent = "The only attempt" if allowed == 1 else f"All {allowed} attempts"
     return f"{spent} at this question {'is' if allowed == 1 else 'are'} used up."
 
 
-def withholding(
+def explain_withholding(
     policy: Policy, closes: datetime | None, closed: bool, published_at: datetime | None, now: datetime
 ) -> str | None:
     """When the feedback comes, in a sentence; None where it may be seen."""
     if policy.feedback == "after_due" and not closed:
-        end = "the due date, which is not set yet" if closes is None else spoken(closes)
+        end = "the due date, which is not set yet" if closes is None else format_moment(closes)
         return f"Your answer is recorded; you see how it was graded after {end}."
     if policy.feedback == "after_publish" and (published_at is None or now < published_at):
         return "Your answer is recorded; you see how it was graded once the results are published."
@@ -271,7 +275,7 @@ def solution_is_open(policy: Policy, progress: Progress, left: int | None, close
             return closed or spent or progress.solved
 
 
-def spoken(moment: datetime) -> str:
+def format_moment(moment: datetime) -> str:
     """A moment as every page and sentence writes it: `27 Nov 2026, 18:00 UTC`."""
     return f"{moment.day} {moment:%b %Y, %H:%M} UTC"
 
@@ -338,12 +342,12 @@ def choose(part: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
     return {name: part[name] for name in names if name in part}
 
 
-def revealing(verdict: Verdict, reveal: Reveal) -> Verdict:
+def limit_feedback(verdict: Verdict, reveal: Reveal) -> Verdict:
     """The feedback of a verdict, without the solution, as far as `reveal` goes."""
     return Verdict.model_validate(reveal_json(verdict.model_dump(mode="json"), reveal))
 
 
-def reported(verdict: Verdict, question: Question) -> Verdict:
+def report_verdict(verdict: Verdict, question: Question) -> Verdict:
     """The verdict as a command reports it, which knows neither attempts nor dates: limited by the author's `reveal`. A
     right answer shows everything. Without `reveal` only expected values, and the evidence that draws them, are left
     out, but of a script, whose hidden cases have none."""
@@ -352,7 +356,7 @@ def reported(verdict: Verdict, question: Question) -> Verdict:
     if verdict.status is Status.CORRECT or (asked is None and kind.is_script):
         return verdict
     if asked is not None:
-        return revealing(verdict, asked)
+        return limit_feedback(verdict, asked)
     findings = tuple(finding.model_copy(update={"expected": None}) for finding in verdict.findings)
     evidence = {name: value for name, value in verdict.evidence.items() if name in FEEDBACK_EVIDENCE}
     return verdict.model_copy(update={"findings": findings, "evidence": evidence})

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from grader.domain.rubric import Rubric, RubricItem
-from grader.domain.verdict import POINT_DIGITS, Finding, Verdict, reviewed
+from grader.domain.verdict import POINT_DIGITS, Finding, Verdict, apply_review
 from grader.questions import Question, kind_of
 
 REVIEW = "review"
-"""The id of the finding in which `reviewed` keeps a person's decision."""
+"""The id of the finding in which `apply_review` keeps a person's decision."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Mark:
         return self.points is None
 
 
-def marked(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:
+def mark_verdict(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:
     """The verdict after a review, of the points that the question has now. `question` is None if the content has lost
     it: then only points can be given. Raises ValueError for points outside of the question's, and for items that its
     rubric does not have."""
@@ -37,12 +37,12 @@ def marked(verdict: Verdict, question: Question | None, mark: Mark) -> Verdict:
         verdict = verdict.model_copy(update={"max_points": question.points})
     if mark.ticked is None:
         assert mark.points is not None
-        return reviewed(verdict, mark.points, mark.comment)
+        return apply_review(verdict, mark.points, mark.comment)
     if question is None or not rubric_of(question):
         raise ValueError("the question has no rubric: give points")
     if mark.points is None:
         return reviewed_by_rubric(verdict, question, mark.ticked, mark.comment)
-    return _naming(reviewed(verdict, mark.points, mark.comment), items_of(question, mark.ticked), by_hand=True)
+    return _naming(apply_review(verdict, mark.points, mark.comment), items_of(question, mark.ticked), by_hand=True)
 
 
 def rubric_of(question: Question) -> Rubric:
@@ -72,7 +72,7 @@ def items_of(question: Question, ticked: Iterable[str]) -> list[RubricItem]:
     return [item for item in rubric if item.id in wanted]
 
 
-def recomputed(verdict: Verdict, question: Question) -> Verdict:
+def recompute_points(verdict: Verdict, question: Question) -> Verdict:
     """The verdict with the points that its ticked items have in the question's rubric as it is now. The comment stays.
     An item that the rubric no longer has gives no points and is dropped. Returns the verdict itself where nothing
     changes: after no review, after one with points given by hand, and the second time."""
@@ -92,7 +92,7 @@ def ticked_ids(review: Finding) -> set[str] | None:
     return {item["id"] for item in review.measured["rubric"]}
 
 
-def fingerprint(question: Question) -> str:
+def compute_fingerprint(question: Question) -> str:
     """32 hexadecimal digits that change with the items and the points of a question."""
     items = [item.model_dump() for item in rubric_of(question)]
     return hashlib.sha256(json.dumps([question.points, items]).encode()).hexdigest()[:32]
@@ -100,7 +100,7 @@ def fingerprint(question: Question) -> str:
 
 def _decided(verdict: Verdict, question: Question, items: Sequence[RubricItem], comment: str) -> Verdict:
     rescaled = verdict.model_copy(update={"max_points": question.points})
-    return _naming(reviewed(rescaled, rubric_points(items, question.points), comment), items)
+    return _naming(apply_review(rescaled, rubric_points(items, question.points), comment), items)
 
 
 def _naming(decided: Verdict, items: Sequence[RubricItem], *, by_hand: bool = False) -> Verdict:

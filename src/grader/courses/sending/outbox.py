@@ -72,7 +72,7 @@ def send_scores(
 def replay(session: Session, who: Identity | None, delivery_id: int, course: str | None) -> Delivery:
     """Delivers a dead letter once more; a score even over what a person has entered at the platform. `who` is None for
     the command line, and `course` for any course. Raises NotFound, and Conflict if it is not dead."""
-    row = outbox.delivery(session, delivery_id, course)
+    row = outbox.lock_delivery(session, delivery_id, course)
     if row is None:
         raise NotFound("There is no such delivery.")
     if row.state != DEAD:
@@ -84,9 +84,9 @@ def replay(session: Session, who: Identity | None, delivery_id: int, course: str
 
 def replay_all(session: Session, who: Identity | None, destination_id: str, course: str) -> int:
     """As `replay`, for the dead letters of a destination, at most `REPLAY_MAX`. Returns how many. Raises NotFound."""
-    if outbox.destination(session, destination_id, course) is None:
+    if outbox.find_destination(session, destination_id, course) is None:
         raise NotFound("There is no such webhook.")
-    rows = outbox.dead(session, destination_id, REPLAY_MAX)
+    rows = outbox.lock_dead(session, destination_id, REPLAY_MAX)
     revive(session, rows)
     record(session, who, course, Action.REPLAYED, destination_id, deliveries=len(rows))
     return len(rows)

@@ -44,7 +44,7 @@ def create(
         raise Unprocessable(f"url: {refused}") from refused
     require_credential(session, who)
     database.lock(session, f"webhooks\n{who.course}")
-    if len(outbox.webhooks(session, who.course)) >= WEBHOOKS_MAX:
+    if len(outbox.list_webhooks(session, who.course)) >= WEBHOOKS_MAX:
         raise Conflict(f"A course has at most {WEBHOOKS_MAX} webhooks: delete one first.")
     made = outbox.add_webhook(session, who.course, {"url": url, "secret": new_secret(), "created_by": who.user})
     record(session, who, who.course, Action.WEBHOOK_CREATED, made.id, url=url)
@@ -53,7 +53,7 @@ def create(
 
 def get(session: Session, webhook_id: str, course: str) -> Destination:
     """Returns the webhook. Raises NotFound."""
-    destination = outbox.destination(session, webhook_id, course) if webhook_id.isalnum() else None
+    destination = outbox.find_destination(session, webhook_id, course) if webhook_id.isalnum() else None
     if destination is None or destination.kind != WEBHOOK:
         raise NotFound("There is no such webhook.")
     return destination

@@ -6,7 +6,7 @@ from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
-from grader.domain.misread import misread
+from grader.domain.misread import explain_misread
 
 
 class Part(BaseModel):
@@ -94,5 +94,5 @@ def find_wrong_pictures(evidence: Any) -> Iterator[tuple[str, str]]:
         try:
             build_reader(shape).validate_python(evidence.get(key))
         except ValidationError as error:
-            place, why = next(misread(error, evidence[key], lambda _: ()))
+            place, why = next(explain_misread(error, evidence[key], lambda _: ()))
             yield key, f"{'.'.join(map(str, (key, *place)))}: {why}"

@@ -54,7 +54,7 @@ URL_SCHEMES = frozenset(("http", "https", "mailto"))
 """The addresses that links and pictures may have."""
 
 
-def mathml(tex: str, display: str = "inline") -> str:
+def render_tex(tex: str, display: str = "inline") -> str:
     """Converts TeX to MathML; TeX that cannot be parsed becomes `<code>`."""
     try:
         return tostring(convert_tex(tex, display), encoding="unicode")

@@ -14,7 +14,7 @@ import mujoco
 
 from grader.errors import Fault
 from grader.library.checking.model_cost import explain_cost
-from grader.library.json_text import dotted
+from grader.library.json_text import join_key
 from grader.numerics.process import prepare
 
 CURES = {
@@ -82,7 +82,7 @@ DIGITS = 17
 _writing = threading.Lock()
 
 
-def flattened(xml: str, file: str, read: Callable[[str], str | Fault]) -> str | list[Fault]:
+def flatten(xml: str, file: str, read: Callable[[str], str | Fault]) -> str | list[Fault]:
     """Returns the model with the models that it attaches written into it; the text itself where it attaches none.
     `read` gives the text of a file by its path in the content folder. The result compiles to the same model, bit for
     bit. Returns the faults of a model that cannot be read, or that does not compile."""
@@ -170,9 +170,9 @@ def inline_faults(raw: Any, file: str, key: str) -> Iterator[Fault]:
     for name, item in items:
         lines = item if isinstance(item, list) else [item]
         if name == "xml" and all(isinstance(line, str) for line in lines):
-            yield from _inline_faults("\n".join(lines), file, dotted(key, name))
+            yield from _inline_faults("\n".join(lines), file, join_key(key, name))
         elif not str(name).startswith("x-"):
-            yield from inline_faults(item, file, dotted(key, name))
+            yield from inline_faults(item, file, join_key(key, name))
 
 
 def _inline_faults(xml: str, file: str, key: str) -> list[Fault]:

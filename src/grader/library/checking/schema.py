@@ -20,12 +20,12 @@ from grader.domain.lab import (
     Slider,
     UnknownLab,
 )
-from grader.domain.misread import misread, without_remarks
+from grader.domain.misread import explain_misread, without_remarks
 from grader.domain.policy import Late, Policy
 from grader.domain.rubric import SecondMarking
 from grader.errors import Fault
 from grader.labs import lab_adapter, lab_kinds
-from grader.library.json_text import JsonObject, dotted
+from grader.library.json_text import JsonObject, join_key
 from grader.questions import Question, Quiz, installed_kinds, question_adapter
 from grader.questions.drawing import fill_in_middle
 
@@ -126,7 +126,7 @@ def _repeated_ids(raw: Mapping[str, Any], file: str) -> Iterator[Fault]:
     """Yields a fault for each id that two questions or two labs share."""
     for ids in ([key for key, _ in _named_questions(raw)], [key for key, _ in _named_labs(raw)]):
         for key in sorted({key for key in ids if ids.count(key) > 1}):
-            yield Fault(file, dotted(key, "id"), "two have this id: give each its own")
+            yield Fault(file, join_key(key, "id"), "two have this id: give each its own")
 
 
 def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file: str) -> tuple[list[Part], list[Fault]]:
@@ -138,8 +138,8 @@ def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file:
         try:
             parts.append(adapter.validate_json(json.dumps(item), strict=True))
         except ValidationError as error:
-            for place, why in misread(error, item, _known_keys, _choices()):
-                where = dotted(key, *place)
+            for place, why in explain_misread(error, item, _known_keys, _choices()):
+                where = join_key(key, *place)
                 faults.setdefault(where, Fault(file, where, why))
     return parts, list(faults.values())
 

@@ -16,7 +16,7 @@ from grader.labs import lab_kind_of, lab_kinds, name_lab_kind
 from grader.library.checking.passed import PassedChecks
 from grader.library.checking.prose_remarks import list_prose_remarks
 from grader.library.files import read_text
-from grader.library.json_text import dotted
+from grader.library.json_text import join_key
 from grader.questions import ModelXml, Question, Quiz, kind_of
 from grader.questions.drawing import list_unknown_names
 
@@ -52,16 +52,18 @@ def named_models(raw: Any, key: str) -> Iterator[tuple[str, str]]:
     """Key and value of every `model`, and of every entry of `models`, at any depth."""
     if isinstance(raw, list):
         for index, item in enumerate(raw):
-            yield from named_models(item, dotted(key, index))
+            yield from named_models(item, join_key(key, index))
     elif isinstance(raw, dict):
         for name, item in raw.items():
             if name == "model" and isinstance(item, str):
-                yield dotted(key, name), item
+                yield join_key(key, name), item
             elif name == "models" and isinstance(item, list):
                 named = [part[0] if isinstance(part, list) and part else part for part in item]
-                yield from ((dotted(key, name, index), one) for index, one in enumerate(named) if isinstance(one, str))
+                yield from (
+                    (join_key(key, name, index), one) for index, one in enumerate(named) if isinstance(one, str)
+                )
             elif not name.startswith("x-"):
-                yield from named_models(item, dotted(key, name))
+                yield from named_models(item, join_key(key, name))
 
 
 def read_starter(root: Path, raw: Any, file: str, key: str, own: Mapping[str, str]) -> tuple[str | None, list[Fault]]:
@@ -70,7 +72,7 @@ def read_starter(root: Path, raw: Any, file: str, key: str, own: Mapping[str, st
     name = raw.get("starter") if isinstance(raw, dict) else None
     if not isinstance(name, str):
         return None, []
-    at = dotted(key, "starter")
+    at = join_key(key, "starter")
     is_model = raw.get("takes") == "mjcf"  # beside a question that takes a file stands a script that writes it
     suffix = ".xml" if is_model else ".py"
     if not name.endswith(suffix):
@@ -114,10 +116,10 @@ def question_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
     """Yields what may surprise the authors of questions."""
     for question in quiz.questions:
         for key, why in kind_of(question).warnings(question):
-            yield Fault(file, dotted(question.id, key), why)
+            yield Fault(file, join_key(question.id, key), why)
         for key, name in list_unknown_names(question):
             why = f"{{{name}}} is shown as it stands: `draw` has {', '.join(getattr(question, 'draw', ()))}"
-            yield Fault(file, dotted(question.id, key), why)
+            yield Fault(file, join_key(question.id, key), why)
 
 
 def lab_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
@@ -125,12 +127,12 @@ def lab_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
     labs: dict[str, Lab | LabConfig | UnknownLab] = {lab.id: lab for lab in quiz.labs}
     for question in quiz.questions:
         if (simulation := kind_of(question).lab(question)) is not None:
-            labs[dotted(question.id, "sim")] = simulation
+            labs[join_key(question.id, "sim")] = simulation
     for key, lab in labs.items():
         if isinstance(lab, UnknownLab):
-            yield Fault(file, dotted(key, "kind"), unknown_kind(lab.kind))
+            yield Fault(file, join_key(key, "kind"), unknown_kind(lab.kind))
         else:
-            yield from (Fault(file, dotted(key, at), why) for at, why in lab_kind_of(lab).warnings(lab))
+            yield from (Fault(file, join_key(key, at), why) for at, why in lab_kind_of(lab).warnings(lab))
 
 
 def unknown_kind(kind: str) -> str:
@@ -145,9 +147,9 @@ def _prose(raw: Any, key: str) -> Iterator[tuple[str, str]]:
     items = raw.items() if isinstance(raw, dict) else enumerate(raw) if isinstance(raw, list) else ()
     for name, item in items:
         if not isinstance(item, str):
-            yield from _prose(item, dotted(key, name))
-        elif name in PROSE or (isinstance(raw, list) and PROSE_LISTS.search(key)) or LABELS.search(dotted(key, name)):
-            yield dotted(key, name), item
+            yield from _prose(item, join_key(key, name))
+        elif name in PROSE or (isinstance(raw, list) and PROSE_LISTS.search(key)) or LABELS.search(join_key(key, name)):
+            yield join_key(key, name), item
 
 
 def semantic_faults(
@@ -196,13 +198,13 @@ def _question_faults(
     """Faults of one question: those of its kind, its exercise and its lab."""
     kind = kind_of(question)
     for key, why in kind.faults(question):
-        yield Fault("", dotted(question.id, key), why)
+        yield Fault("", join_key(question.id, key), why)
     if kind.is_script and {name for _, name in named_models(question.model_dump(), "")} <= set(models):
         from grader.exercises import check_exercise  # not needed to grade another answer
 
         yield from check_exercise(question, model_xml, "", text_of)
     if (lab := kind.lab(question)) is not None:
-        yield from _lab_faults(lab, models, model_xml, dotted(question.id, "sim"))
+        yield from _lab_faults(lab, models, model_xml, join_key(question.id, "sim"))
     keys = kind.answer_keys(question)
     for answer in keys:
         if answer.verify is not None:
@@ -211,7 +213,7 @@ def _question_faults(
             yield from list_verify_faults(answer, model_xml, question.id)
     if question.verify is not None and all(key.place for key in keys):
         cure = f"move it to {' or '.join(key.place for key in keys)}" if keys else "remove it"
-        yield Fault("", dotted(question.id, "verify"), f"{question.kind} has no key to derive again: {cure}")
+        yield Fault("", join_key(question.id, "verify"), f"{question.kind} has no key to derive again: {cure}")
 
 
 def _lab_faults(lab: Lab | LabConfig, models: Mapping[str, str], model_xml: ModelXml, key: str) -> Iterator[Fault]:

@@ -6,7 +6,7 @@ from grader.domain.verify import ByExpression, ByMeasurement, ByOptions, ByOutco
 from grader.errors import ContentError, Fault, NotFound
 from grader.expressions import ProgramKind, compile_program
 from grader.labs import list_missing_elements
-from grader.library.json_text import dotted
+from grader.library.json_text import join_key
 from grader.questions import AnswerKey, ModelXml, OptionKey
 
 Text = tuple[str, str, ProgramKind]
@@ -25,7 +25,9 @@ def list_verify_faults(key: AnswerKey, model_xml: ModelXml, question: str) -> It
     programs = []
     for place, text, kind in list_texts(key):
         try:
-            programs.append(compile_program(text, kind, dotted(question, *filter(None, (key.place, "verify", place)))))
+            programs.append(
+                compile_program(text, kind, join_key(question, *filter(None, (key.place, "verify", place))))
+            )
         except ContentError:
             continue
     try:

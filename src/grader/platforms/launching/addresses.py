@@ -7,7 +7,7 @@ DEFAULT_PORTS = {"http": 80, "https": 443}
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
-def parsed(url: object) -> SplitResult | None:
+def parse_address(url: object) -> SplitResult | None:
     """The parts of an absolute http or https address; None for anything else, also with user information in it."""
     if not isinstance(url, str) or not 0 < len(url) <= URL_CHARACTERS_MAX or not url.isascii() or not url.isprintable():
         return None
@@ -25,7 +25,7 @@ def parsed(url: object) -> SplitResult | None:
 
 def origin_of(url: object) -> str:
     """`scheme://host[:port]` in lower case without a default port; empty for any other text."""
-    parts = parsed(url)
+    parts = parse_address(url)
     if parts is None or parts.hostname is None:
         return ""
     host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
@@ -41,7 +41,7 @@ def is_at(origin: str, url: object) -> bool:
 
 def is_of_platform(url: object) -> bool:
     """Says whether a platform may have this address: https, or http on the machine itself, for trying out."""
-    parts = parsed(url)
+    parts = parse_address(url)
     return parts is not None and (parts.scheme == "https" or parts.hostname in LOOPBACK)
 
 

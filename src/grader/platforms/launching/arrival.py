@@ -52,7 +52,7 @@ def arrive(database: Database, session: Session, launch: Launch) -> Arrival | No
     if context.course is None:
         return Arrival(context, None, role, quiz, question)
     if launch.subject is None:
-        member = members.unnamed(session, context.course)
+        member = members.make_unnamed(session, context.course)
     else:
         person = Person(launch.platform.issuer, launch.subject, launch.name, role)
         member = rules.member_of(session, context, person)
@@ -66,7 +66,7 @@ def find_place(session: Session, context: Context, launch: Launch) -> tuple[str 
     """Returns the quiz and question that a launch leads to; its link is recorded. A Submission Review says less of its
     link than a launch by it, and changes none; where it names no quiz, its column of the gradebook does."""
     if launch.reviewed is None:
-        link = recorded(session, context, launch) if launch.link_id else None
+        link = record_launch(session, context, launch) if launch.link_id else None
         return (None, None) if link is None else (link.quiz, link.question)
     if launch.quiz is not None:
         return launch.quiz, launch.question
@@ -85,7 +85,7 @@ def find_reviewed(session: Session, launch: Launch, arrival: Arrival) -> str:
     return member
 
 
-def recorded(session: Session, context: Context, launch: Launch) -> ResourceLink:
+def record_launch(session: Session, context: Context, launch: Launch) -> ResourceLink:
     """Returns the launch's link, with what the launch tells of it: what it leads to, and its place in the gradebook."""
     link = platforms.resource_link(session, context.id, launch.link_id)
     if launch.quiz is not None and (link.quiz, link.question) != (launch.quiz, launch.question):

@@ -49,7 +49,7 @@ class Choice:
         return {"quiz": self.quiz.id, **({} if self.question is None else {"question": self.question.id})}
 
 
-def response(
+def sign_response(
     sign: Callable[[dict[str, Any]], str], platform: Platform, deployment_id: str, selection: Selection, *,
     choices: Iterable[Choice], launch_url: str,
 ) -> str:  # fmt: skip
@@ -85,14 +85,14 @@ def content_item(choice: Choice, launch_url: str, *, with_line_item: bool) -> di
         item["lineItem"] = {"scoreMaximum": choice.points, "label": choice.title, "resourceId": resource}
     policy = choice.policy
     closes = policy.late.until if policy.late else policy.due
-    if available := span(policy.opens, closes):
+    if available := describe_span(policy.opens, closes):
         item["available"] = available
-    if submission := span(policy.opens, policy.due):
+    if submission := describe_span(policy.opens, policy.due):
         item["submission"] = submission
     return item
 
 
-def span(start: datetime | None, end: datetime | None) -> dict[str, str]:
+def describe_span(start: datetime | None, end: datetime | None) -> dict[str, str]:
     """Returns the dates that are given, as ISO 8601."""
     given = {"startDateTime": start, "endDateTime": end}
     return {name: moment.isoformat() for name, moment in given.items() if moment is not None}

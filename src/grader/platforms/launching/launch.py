@@ -73,24 +73,24 @@ def read_launch(claims: Mapping[str, Any], platform: Platform, origin: str) -> L
     is_selection = message == words.DEEP_LINKING
     if not (is_selection and target is None) and not is_at(origin, target):
         raise Unauthorized("The launch leads to an address that is not this service's.")
-    context = part(claims, f"{words.CLAIM}context")
-    quiz, question = chosen_in(part(claims, f"{words.CLAIM}custom"), str(target or ""))
+    context = read_part(claims, f"{words.CLAIM}context")
+    quiz, question = chosen_in(read_part(claims, f"{words.CLAIM}custom"), str(target or ""))
     return Launch(
-        platform=platform, deployment_id=identifier(claims, f"{words.CLAIM}deployment_id"),
-        subject=identifier(claims, "sub") if "sub" in claims else None, name=name_in(claims),
-        teaches=words.teaches(roles_in(claims)), context_id=identifier(context, "id") if context else "",
-        context_title=label(context.get("title")) or label(context.get("label")),
+        platform=platform, deployment_id=read_identifier(claims, f"{words.CLAIM}deployment_id"),
+        subject=read_identifier(claims, "sub") if "sub" in claims else None, name=name_in(claims),
+        teaches=words.teaches(roles_in(claims)), context_id=read_identifier(context, "id") if context else "",
+        context_title=read_label(context.get("title")) or read_label(context.get("label")),
         link_id="" if is_selection else link_in(claims, is_required=message == words.RESOURCE_LINK), quiz=quiz,
         question=question, reviewed=reviewed_in(claims) if message == words.SUBMISSION_REVIEW else None,
-        gradebook=gradebook_in(part(claims, words.AGS_CLAIM)),
-        members_url=address(part(claims, words.NRPS_CLAIM).get("context_memberships_url")),
+        gradebook=gradebook_in(read_part(claims, words.AGS_CLAIM)),
+        members_url=read_address(read_part(claims, words.NRPS_CLAIM).get("context_memberships_url")),
         selection=selection_in(claims) if is_selection else None,
     )  # fmt: skip
 
 
 def link_in(claims: Mapping[str, Any], *, is_required: bool) -> str:
     """Returns the id of the platform's link, empty for none where it is not required. Raises Unauthorized."""
-    link = part(claims, f"{words.CLAIM}resource_link")
+    link = read_part(claims, f"{words.CLAIM}resource_link")
     if not link and not is_required:
         return ""
     if "id" not in link:
@@ -98,16 +98,16 @@ def link_in(claims: Mapping[str, Any], *, is_required: bool) -> str:
             "The launch does not say which link was opened: it has no resource_link with an id. Open the grader by a "
             "link of the course, such as an assignment, and not from a menu of the platform."
         )
-    return identifier(link, "id")
+    return read_identifier(link, "id")
 
 
 def reviewed_in(claims: Mapping[str, Any]) -> str:
     """Returns the user whose work a Submission Review asks for. Raises Unauthorized. Source: LTI Submission Review 1.0,
     section 3.2."""
-    return identifier(part(claims, f"{words.CLAIM}for_user"), "user_id")
+    return read_identifier(read_part(claims, f"{words.CLAIM}for_user"), "user_id")
 
 
-def part(claims: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+def read_part(claims: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """Returns a claim that is an object; empty if it is missing. Raises Unauthorized for anything else."""
     found = claims.get(name)
     if found is not None and not isinstance(found, dict):
@@ -115,7 +115,7 @@ def part(claims: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     return found or {}
 
 
-def identifier(claims: Mapping[str, Any], name: str) -> str:
+def read_identifier(claims: Mapping[str, Any], name: str) -> str:
     """Returns an identifier of the platform: 1 to 255 printable characters. Raises Unauthorized."""
     found = claims.get(name)
     if not isinstance(found, str) or not 1 <= len(found) <= ID or not found.isprintable():
@@ -124,14 +124,14 @@ def identifier(claims: Mapping[str, Any], name: str) -> str:
     return found
 
 
-def label(text: object) -> str:
+def read_label(text: object) -> str:
     """Returns a text as it may be shown: printable, and no longer than a name. Empty for anything else."""
     return visible_part(text)[:NAME].strip() if isinstance(text, str) else ""
 
 
 def name_in(claims: Mapping[str, Any]) -> str:
     """Returns the user's name as far as the platform tells it."""
-    whole, given, family, user = (label(claims.get(claim)) for claim in NAME_CLAIMS)
+    whole, given, family, user = (read_label(claims.get(claim)) for claim in NAME_CLAIMS)
     return whole or f"{given} {family}".strip()[:NAME] or user or NAMELESS
 
 
@@ -146,18 +146,18 @@ def roles_in(claims: Mapping[str, Any]) -> list[str]:
 def chosen_in(custom: Mapping[str, Any], target: str) -> tuple[str | None, str | None]:
     """Quiz and question of a link: its custom parameters, else the query of its address."""
     query = {name: values[0] for name, values in parse_qs(urlsplit(target).query).items()}
-    source = custom if short(custom.get("quiz")) else query
-    quiz = short(source.get("quiz"))
-    return quiz, short(source.get("question")) if quiz else None
+    source = custom if read_short_id(custom.get("quiz")) else query
+    quiz = read_short_id(source.get("quiz"))
+    return quiz, read_short_id(source.get("question")) if quiz else None
 
 
-def short(text: object) -> str | None:
+def read_short_id(text: object) -> str | None:
     """Returns the id of a quiz or question; None for what cannot be one."""
     is_id = isinstance(text, str) and 1 <= len(text) <= QUIZ_CHARACTERS_MAX and text.isprintable()
     return str(text) if is_id else None
 
 
-def address(url: object) -> str:
+def read_address(url: object) -> str:
     """Returns an address that requests may be sent to; empty for anything else."""
     return str(url) if is_of_platform(url) else ""
 
@@ -167,13 +167,13 @@ def gradebook_in(claim: Mapping[str, Any]) -> Gradebook:
     listed = claim.get("scope")
     granted = listed if isinstance(listed, list) else []
     scopes = tuple(scope for scope in words.SCOPES if scope in granted)
-    return Gradebook(address(claim.get("lineitem")), address(claim.get("lineitems")), scopes)
+    return Gradebook(read_address(claim.get("lineitem")), read_address(claim.get("lineitems")), scopes)
 
 
 def selection_in(claims: Mapping[str, Any]) -> Selection:
     """The settings of a Deep Linking request. Raises Unauthorized if nothing chosen here could be given back."""
-    settings = part(claims, f"{words.DEEP_LINKING_CLAIM}deep_linking_settings")
-    return_url, data = address(settings.get("deep_link_return_url")), settings.get("data")
+    settings = read_part(claims, f"{words.DEEP_LINKING_CLAIM}deep_linking_settings")
+    return_url, data = read_address(settings.get("deep_link_return_url")), settings.get("data")
     if not return_url:
         raise Unauthorized("The platform does not say where the choice goes to.")
     types = settings.get("accept_types")

@@ -87,14 +87,14 @@ def begin(session: Session, fields: Mapping[str, str], origin: str) -> Login:
 def platform_of(session: Session, fields: Mapping[str, str]) -> Platform:
     """Returns the approved platform that begins a login. Raises Unauthorized."""
     issuer = fields.get("iss", "")
-    found = platforms.registered(session, issuer, fields.get("client_id"))
+    found = platforms.find_registered(session, issuer, fields.get("client_id"))
     if not found:
         raise Unauthorized("This learning platform is not registered here: its administrator can do so.")
     if len(found) > 1:
         raise Unauthorized("This platform is registered several times: its login must name the client_id.")
     if found[0].approved_at is None:
         raise Unauthorized("The registration of this learning platform waits for approval here.")
-    return platforms.view(found[0])
+    return platforms.read_platform(found[0])
 
 
 def answer(session: Session, state: str, key: str) -> Answered | Unbound:
@@ -106,10 +106,10 @@ def answer(session: Session, state: str, key: str) -> Answered | Unbound:
     if not hmac.compare_digest(body["key"], tickets.hash_of(key)):
         fields: dict[str, str] = body["fields"]
         again = {name: value for name, value in fields.items() if name != STORAGE}
-        return Unbound(platforms.view(row), again, fields.get(STORAGE, ""))
+        return Unbound(platforms.read_platform(row), again, fields.get(STORAGE, ""))
     if tickets.take(session, PURPOSE, state) is None:
         raise Unauthorized("This launch was used already. Start it again from your learning platform.")
-    return Answered(platforms.view(row), body["nonce"])
+    return Answered(platforms.read_platform(row), body["nonce"])
 
 
 def name_of(state: str) -> str:

@@ -13,7 +13,7 @@ from grader.errors import Unprocessable
 from grader.platforms.launching import claims as words
 from grader.platforms.launching.addresses import is_of_platform, origin_of
 from grader.platforms.launching.fetching import Requester
-from grader.platforms.launching.launch import label
+from grader.platforms.launching.launch import read_label
 from grader.platforms.launching.login import keys_url, launch_url, login_url
 
 PURPOSE = "lti-registration"
@@ -66,14 +66,14 @@ async def register(requester: Requester, configuration_url: str, token: str, ori
     """Fetches a platform's configuration, and registers this tool there. Raises Unprocessable."""
     if not is_of_platform(configuration_url) or len(token) > TOKEN_CHARACTERS_MAX or not token.isprintable():
         raise Unprocessable("The address of the platform's configuration cannot be used.")
-    configuration = await exchanged(requester, "GET", configuration_url)
+    configuration = await exchange(requester, "GET", configuration_url)
     registration = registration_in(configuration, configuration_url)
     endpoint = configuration.get("registration_endpoint")
     if not is_of_platform(endpoint):
         raise Unprocessable("The platform's configuration has no registration_endpoint.")
     headers = {"Content-Type": "application/json"} | ({"Authorization": f"Bearer {token}"} if token else {})
     body = json.dumps(tool_configuration(origin)).encode()
-    answer = await exchanged(requester, "POST", str(endpoint), headers, body)
+    answer = await exchange(requester, "POST", str(endpoint), headers, body)
     client_id, tool = answer.get("client_id"), answer.get(TOOL)
     if not isinstance(client_id, str):
         raise Unprocessable("The platform gave no client_id.")
@@ -93,7 +93,7 @@ def registration_in(configuration: Mapping[str, Any], url: str) -> Registration:
             raise Unprocessable(f"The platform's configuration has no {name} with https.")
     login, token, keys = map(str, endpoints.values())
     about = configuration.get(PLATFORM)
-    family = label(about.get("product_family_code")) if isinstance(about, dict) else ""
+    family = read_label(about.get("product_family_code")) if isinstance(about, dict) else ""
     audience = configuration.get("authorization_server")
     return Registration(
         name=f"{family} {urlsplit(issuer).hostname}".strip(), issuer=issuer, client_id="", login_url=login,
@@ -102,7 +102,7 @@ def registration_in(configuration: Mapping[str, Any], url: str) -> Registration:
     )  # fmt: skip
 
 
-async def exchanged(
+async def exchange(
     requester: Requester, method: str, url: str, headers: Mapping[str, str] | None = None, body: bytes | None = None
 ) -> dict[str, Any]:
     """Returns the JSON object that a platform answers. Raises Unprocessable."""

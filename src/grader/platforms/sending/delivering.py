@@ -62,7 +62,7 @@ class Delivering:
 
     def start(self, session: Session, subject: str) -> Started | None:
         """Prepares what is sent, unless the row waits no more."""
-        row = outbox.locked(session, int(subject))
+        row = outbox.lock(session, int(subject))
         if row is None:
             return None
         destination = session.get_one(Destination, row.destination)
@@ -73,7 +73,7 @@ class Delivering:
         sender = self.senders.get(destination.kind)
         if sender is None:  # another process may have one
             return Started(row.id, row.version, None, Later(NO_SENDER_S))
-        return Started(row.id, row.version, sender, prepared(sender, session, row, destination))
+        return Started(row.id, row.version, sender, prepare_row(sender, session, row, destination))
 
     def run(self, started: Started) -> JobOutcome:
         """Sends it."""
@@ -92,7 +92,7 @@ class Delivering:
         """Nothing: the row waits anyway."""
 
     def _store(self, session: Session, started: Started, reply: Reply) -> None:
-        row = outbox.locked(session, started.row_id)
+        row = outbox.lock(session, started.row_id)
         if row is None:
             return
         row.has_job = False
@@ -135,7 +135,7 @@ class Delivering:
         jobs.put(session, jobs.DELIVER, str(row.id), share=row.destination, delay_s=pause_s)
 
 
-def prepared(sender: Sender, session: Session, row: Delivery, destination: Destination) -> Any | Reply:
+def prepare_row(sender: Sender, session: Session, row: Delivery, destination: Destination) -> Any | Reply:
     """Says what is sent. A fault of ours must not stop the rows behind this one: it is tried again by the schedule."""
     try:
         return sender.prepare(session, row, destination)

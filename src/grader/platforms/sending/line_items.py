@@ -127,7 +127,7 @@ class LineItems:
         self, target: ScoreTarget, method: str, url: str, headers: dict[str, str], body: bytes | None = None
     ) -> Response:
         response = await self.tokens.request(
-            target.platform, wanted(target.scopes), method, url, headers=headers, body=body
+            target.platform, choose_scopes(target.scopes), method, url, headers=headers, body=body
         )
         if not HTTPStatus.OK <= response.status < HTTPStatus.MULTIPLE_CHOICES:
             raise CallFailed(response)
@@ -142,7 +142,7 @@ def url_in(item: Any, base: str) -> str:
     return urljoin(base, found)
 
 
-def wanted(granted: Collection[str]) -> list[str]:
+def choose_scopes(granted: Collection[str]) -> list[str]:
     """Returns the scopes that sending scores asks for: those that it needs, and of them only the granted ones."""
     needed = [SCORE, READ_RESULT, LINE_ITEM if LINE_ITEM in granted else READ_LINE_ITEM]
     return [scope for scope in needed if scope in granted]

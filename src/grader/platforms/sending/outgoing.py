@@ -15,7 +15,7 @@ from typing import Any
 
 import httpx2
 
-from grader.domain.addresses import Endpoint, endpoint_of, literal, refuse_address
+from grader.domain.addresses import Endpoint, endpoint_of, read_literal, refuse_address
 
 TIME_MAX_S = 20.0
 """For a whole request, with resolving the name [s]."""
@@ -66,7 +66,7 @@ async def resolve(host: str, port: int) -> list[Address]:
 
 
 @cache
-def certificates() -> ssl.SSLContext:
+def load_certificates() -> ssl.SSLContext:
     """Returns the authorities that the system trusts; to read them takes longer than a request."""
     return ssl.create_default_context()
 
@@ -77,7 +77,7 @@ class Outgoing:
 
     private_hosts: Collection[str] = ()
     resolve: Resolve = resolve
-    tls: Callable[[], ssl.SSLContext] = certificates
+    tls: Callable[[], ssl.SSLContext] = load_certificates
     time_max_s: float = TIME_MAX_S
     body_max: int = field(default=BODY_MAX)
 
@@ -99,7 +99,7 @@ class Outgoing:
 
     async def _addresses(self, endpoint: Endpoint) -> list[Address]:
         """Returns every address of the host. Raises RefusedURL if one of them is not public."""
-        known = literal(endpoint.host)
+        known = read_literal(endpoint.host)
         found = [known] if known is not None else await self.resolve(endpoint.host, endpoint.port)
         if not found:
             raise Unreachable("The host of the URL has no address.")

@@ -82,11 +82,11 @@ class PlatformResult:
         for item in listed if isinstance(listed, list) else ():
             if isinstance(item, dict) and str(item.get("userId")) == user:
                 score, maximum = item.get("resultScore"), item.get("resultMaximum")
-                return cls(number(score), number(maximum) or None)
+                return cls(read_number(score), read_number(maximum) or None)
         return cls()
 
 
-def number(given: Any) -> float | None:
+def read_number(given: Any) -> float | None:
     """Returns a JSON number; None for anything else."""
     return float(given) if isinstance(given, int | float) and not isinstance(given, bool) else None
 

@@ -23,7 +23,7 @@ from grader.domain.addresses import RefusedURL
 from grader.domain.platform import ScoreTarget
 from grader.library import Library
 from grader.platforms.sending.access_tokens import AccessTokens, NoToken
-from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, LineItems, wanted, with_path
+from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, LineItems, choose_scopes, with_path
 from grader.platforms.sending.outgoing import Response, Unreachable
 from grader.platforms.sending.replies import Again, Dead, Failed, Held, Later, Reply, Sent, Unneeded, retry_after_s
 from grader.platforms.sending.score import PlatformResult, Score, score_of
@@ -97,7 +97,7 @@ class Scores:
             return Unneeded()
         asked = [row.question] if row.question else [*theirs]
         access = read_access(session, library, Identity(row.learner, "", Role.STUDENT, row.course))
-        if (held := withheld(access, row.quiz, asked, self.clock())) is not None:
+        if (held := is_withheld(access, row.quiz, asked, self.clock())) is not None:
             return held
         target = self.score_target(session, row.course, row.learner, row.quiz, row.question)
         if target is None:
@@ -169,7 +169,7 @@ class Scores:
     async def _call(
         self, target: ScoreTarget, method: str, url: str, headers: Mapping[str, str], body: bytes | None = None
     ) -> Response:
-        scopes = wanted(target.scopes)
+        scopes = choose_scopes(target.scopes)
         return await self.tokens.request(target.platform, scopes, method, url, headers=headers, body=body)
 
     def _gone(self, target: ScoreTarget, response: Response) -> Reply:
@@ -211,7 +211,7 @@ def before(prepared: Prepared, result: PlatformResult) -> Reply | None:
     """Returns the reply without sending, from what the platform shows; None if the score is to be sent."""
     if is_settled(prepared, result):
         return Sent(prepared.score.to_json())
-    return Dead(overridden(result)) if is_a_persons(prepared, result) and not prepared.forced else None
+    return Dead(explain_overridden(result)) if is_a_persons(prepared, result) and not prepared.forced else None
 
 
 def after_refusal(prepared: Prepared, result: PlatformResult | None, response: Response) -> Reply:
@@ -222,7 +222,7 @@ def after_refusal(prepared: Prepared, result: PlatformResult | None, response: R
     if is_settled(prepared, result):
         return Sent(prepared.score.to_json())
     if is_a_persons(prepared, result):
-        return Dead(overridden(result))
+        return Dead(explain_overridden(result))
     # Nothing newer is there: the platform's clock is ahead of ours, and a later timestamp will do.
     is_stale = result.score is not None or response.status == HTTPStatus.CONFLICT
     return Again(refusal) if is_stale else Dead(refusal)
@@ -247,7 +247,7 @@ def is_a_persons(prepared: Prepared, result: PlatformResult) -> bool:
     return result.score is not None and not is_first_zero and not any(score.is_at(result) for score in ours)
 
 
-def overridden(result: PlatformResult) -> str:
+def explain_overridden(result: PlatformResult) -> str:
     """Returns the reason of a dead letter that a person's grade stands against."""
     of = "" if result.maximum is None else f" of {result.maximum:g}"
     return f"Overridden by a person: the platform has {result.score:g}{of}. Replay it to replace that."
@@ -259,7 +259,7 @@ def is_no_student(session: Session, row: Delivery) -> bool:
     return member is None or member.role != Role.STUDENT
 
 
-def withheld(access: LearnerAccess, quiz: str, questions: Sequence[str], clock: datetime) -> Held | None:
+def is_withheld(access: LearnerAccess, quiz: str, questions: Sequence[str], clock: datetime) -> Held | None:
     """Whether the learner may not see yet how one of the questions was graded: then the platform does not show it."""
     closed = [
         decision for decision in (access.decide(quiz, name) for name in questions) if decision.shown < Shown.FEEDBACK

@@ -51,7 +51,7 @@ class Webhooks:
         secrets = [destination.secret]
         if destination.old_secret is not None and destination.old_until is not None:
             secrets += [destination.old_secret] if self.clock() < destination.old_until else []
-        return Prepared(destination.url, f"msg_{row.id}_{row.version}", message(row, result), secrets)
+        return Prepared(destination.url, f"msg_{row.id}_{row.version}", build_message(row, result), secrets)
 
     async def send(self, prepared: Prepared) -> Reply:
         """Sends a message. Any success is one; 410 ends the webhook; all else is tried again."""
@@ -70,7 +70,7 @@ class Webhooks:
         return Again(f"The receiver answered {response.status}.", retry_after_s(response.headers, self.clock()))
 
 
-def message(row: Delivery, result: Result) -> bytes:
+def build_message(row: Delivery, result: Result) -> bytes:
     """Returns the body: what changed, by ids alone. The receiver asks for the rest."""
     data: dict[str, Any] = {
         "course": row.course,
@@ -86,7 +86,7 @@ def headers_of(prepared: Prepared, moment: datetime) -> Mapping[str, str]:
     """Returns the headers of one try, with the time of this try."""
     timestamp = str(int(moment.timestamp()))
     signed = b".".join((prepared.id.encode(), timestamp.encode(), prepared.body))
-    signatures = " ".join(signature(secret, signed) for secret in prepared.secrets)
+    signatures = " ".join(sign_message(secret, signed) for secret in prepared.secrets)
     return {
         "Content-Type": "application/json",
         "webhook-id": prepared.id,
@@ -95,7 +95,7 @@ def headers_of(prepared: Prepared, moment: datetime) -> Mapping[str, str]:
     }
 
 
-def signature(secret: str, signed: bytes) -> str:
+def sign_message(secret: str, signed: bytes) -> str:
     """Returns the signature of a message with a secret `whsec_...`."""
     key = base64.b64decode(secret.removeprefix(SECRET_PREFIX))
     return "v1," + base64.b64encode(hmac.new(key, signed, hashlib.sha256).digest()).decode()

@@ -158,7 +158,7 @@ def judge_answers(
 def add_members(database: Database, course: str, cast: Sequence[DemoLearner], now: datetime) -> Identity:
     """Makes the learners members of the course; returns its instructor."""
     with database.write() as session:
-        who = members.named(session, INSTRUCTOR, Role.INSTRUCTOR, course)
+        who = members.get_named(session, INSTRUCTOR, Role.INSTRUCTOR, course)
         for learner in cast:
             account = f"name:{learner.name}"
             joined = now - timedelta(days=28)

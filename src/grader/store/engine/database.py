@@ -19,7 +19,7 @@ from sqlalchemy.orm import Session
 from sqlalchemy.pool import QueuePool
 
 from grader.store.engine import revisions
-from grader.store.engine.names import folded
+from grader.store.engine.names import fold_name
 from grader.store.engine.signals import PENDING, Signals
 
 CONNECTIONS = 64
@@ -182,7 +182,7 @@ class Database:
     def revision(self) -> str | None:
         """The revision of the tables; None if there are none."""
         with self.engine.connect() as connection:
-            return revisions.current(connection)
+            return revisions.find_current(connection)
 
     def empty_log(self) -> None:
         """Moves SQLite's write-ahead log into its file, so that nothing deleted is left in it; else does nothing."""
@@ -288,7 +288,7 @@ def _set_up_sqlite(engine: Engine) -> None:
             "journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON", f"wal_autocheckpoint = {CHECKPOINT_PAGES}"
         ):  # fmt: skip
             connection.execute(f"PRAGMA {pragma}")
-        connection.create_function("folded", 1, folded, deterministic=True)
+        connection.create_function("folded", 1, fold_name, deterministic=True)
 
     @event.listens_for(engine, "begin")
     def on_begin(connection: Connection) -> None:

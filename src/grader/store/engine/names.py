@@ -19,7 +19,7 @@ class Folded(FunctionElement[str]):
     inherit_cache = True
 
 
-def folded(name: str | None) -> str | None:
+def fold_name(name: str | None) -> str | None:
     """The same in Python, which is SQLite's function of this name: its own `lower` knows ASCII alone."""
     if name is None or name.isascii():
         return name and name.lower()

@@ -19,7 +19,7 @@ NEWEST_TABLES = FOLDER / "newest.sql"
 revisions leave behind: `GRADER_TEST_REWRITE=1 pytest tests/store/test_migrations.py` writes them."""
 
 
-def current(connection: Connection) -> str | None:
+def find_current(connection: Connection) -> str | None:
     """The revision of the tables; None if there are none."""
     if not inspect(connection).has_table("alembic_version"):
         return None
@@ -27,13 +27,13 @@ def current(connection: Connection) -> str | None:
     return revision
 
 
-def newest() -> str:
+def find_newest() -> str:
     """The newest revision that this version knows, by the names of the files: `v0010_erasure.py` makes 0010."""
     files = (FOLDER / "versions").iterdir()
     return max(file.name for file in files if file.name.startswith("v"))[1:5]
 
 
-def revisions() -> list[str]:
+def list_revisions() -> list[str]:
     """The revisions that this version knows, oldest first."""
     from alembic.script import ScriptDirectory
 
@@ -43,19 +43,19 @@ def revisions() -> list[str]:
 def move(connection: Connection, target: str | None = None) -> None:
     """Brings the tables to the revision `target`, the newest if None, in the connection's transaction. Raises Conflict
     if a later version has written them, and Unprocessable for an unknown target."""
-    stored, wanted = current(connection), newest() if target is None else target
-    if stored == wanted == newest():
+    stored, wanted = find_current(connection), find_newest() if target is None else target
+    if stored == wanted == find_newest():
         return
     if target is None and _is_empty_sqlite(connection):
         _create_newest(connection)
         return
     from alembic import command
 
-    known = revisions()
+    known = list_revisions()
     if stored is not None and stored not in known:
         raise Conflict(
-            f"The database is at revision {stored}; this version knows those up to {newest()}. Install the version "
-            f"that wrote it, or bring the database back with that version first: grader migrate {newest()}"
+            f"The database is at revision {stored}; this version knows those up to {known[-1]}. Install the version "
+            f"that wrote it, or bring the database back with that version first: grader migrate {known[-1]}"
         )
     if wanted not in known:
         raise Unprocessable(f"There is no revision {wanted!r}. The revisions are {', '.join(known)}.")
@@ -72,7 +72,7 @@ def _create_newest(connection: Connection) -> None:
     """Creates the newest tables and notes their revision."""
     for statement in NEWEST_TABLES.read_text(encoding="utf-8").rstrip(";\n").split(";\n\n"):
         connection.exec_driver_sql(statement)
-    connection.execute(text("INSERT INTO alembic_version VALUES (:newest)"), {"newest": newest()})
+    connection.execute(text("INSERT INTO alembic_version VALUES (:newest)"), {"newest": find_newest()})
 
 
 def _config(connection: Connection | None = None) -> "Config":

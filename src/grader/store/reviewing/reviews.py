@@ -74,7 +74,7 @@ def page(session: Session, queue: Queue, after: str | None, limit: int, clock: d
     return [(row[0], row[1]) for row in session.execute(oldest_first)]
 
 
-def oldest(session: Session, queue: Queue, reviewer: str, clock: datetime) -> Submission | None:
+def find_oldest(session: Session, queue: Queue, reviewer: str, clock: datetime) -> Submission | None:
     """The oldest submission without a claim, else the oldest that this reviewer has claimed."""
     longest = _queued(queue, clock).limit(1)
     free: Submission | None = session.scalar(longest.where(ReviewClaim.submission_id.is_(None)))
@@ -110,7 +110,7 @@ def of_submissions(session: Session, submissions: Iterable[str]) -> dict[str, Re
     return {row.submission_id: row for row in session.scalars(rows)}
 
 
-def undecided(
+def find_undecided(
     session: Session, course: str, averaged: Collection[str], learners: Collection[str]
 ) -> set[tuple[str, str]]:
     """The quizzes of some learners, as (quiz, learner), in which a decision of a person is still to come."""
@@ -141,7 +141,7 @@ def _first_marks(course: str, reviewer: str) -> Select[str]:
     return select(Review.submission_id).where(*waits)
 
 
-def disagreements(
+def list_disagreements(
     session: Session, wanted: SubmissionFilter, after: str | None, limit: int
 ) -> list[tuple[Submission, Review]]:
     """At most `limit` submissions whose two marks differ, oldest first, beginning after the id `after`."""

@@ -56,7 +56,7 @@ VERDICTS_AT_ONCE = 500
 UNCHANGED = {"synchronize_session": False}
 
 
-def ungraded(session: Session, member: Member) -> int:
+def count_ungraded(session: Session, member: Member) -> int:
     """The number of the member's submissions that wait for the grader."""
     waiting = select(func.count()).where(*_theirs(member), Submission.status.not_in(AT_REST))
     return session.scalar(waiting) or 0
@@ -119,7 +119,7 @@ def _reduce(session: Session, ids: Sequence[int]) -> None:
     for start in range(0, len(ids), VERDICTS_AT_ONCE):
         some = select(VerdictRow).where(VerdictRow.id.in_(ids[start : start + VERDICTS_AT_ONCE]))
         for row in session.scalars(some):
-            row.body, row.seed = reduced(Verdict.model_validate_json(row.body), row.seed).model_dump_json(), None
+            row.body, row.seed = reduce_verdict(Verdict.model_validate_json(row.body), row.seed).model_dump_json(), None
     session.flush()
 
 
@@ -135,7 +135,7 @@ def _mistakes(session: Session, member: Member) -> None:
         result.diagnoses = json.dumps([diagnosis for diagnosis in json.loads(result.diagnoses) if diagnosis in known])
 
 
-def reduced(verdict: Verdict, seed: int | None) -> Verdict:
+def reduce_verdict(verdict: Verdict, seed: int | None) -> Verdict:
     """The verdict without what a learner, a script or a reviewer wrote: points, status, and the number or option. The
     sentence of the mistake stays for a number or an option, since the grader has it ready for them. That for a script,
     which is the answer with a `seed`, may quote what the script raised, returned or named."""

@@ -21,7 +21,7 @@ BATCH = 500
 def prune(database: Database, age: timedelta) -> int:
     """Deletes idempotency keys, events and webhook deliveries older than `age`, expired tickets. Returns how many."""
     before = now() - age
-    old = idempotency_keys(database, before) + events(database, before) + deliveries(database, before)
+    old = idempotency_keys(database, before) + prune_events(database, before) + prune_deliveries(database, before)
     return old + expired_tickets(database, now())
 
 
@@ -31,7 +31,7 @@ def idempotency_keys(database: Database, before: datetime) -> int:
     return _delete(database, row, [row.course, row.learner, row.key], select(row).where(row.created_at < before))
 
 
-def events(database: Database, before: datetime) -> int:
+def prune_events(database: Database, before: datetime) -> int:
     """Deletes events from before a time, but the last of each submission, where it is graded. Returns how many. So a
     late listener still hears how it was graded, and later events are numbered on."""
     later = aliased(Event)
@@ -46,7 +46,7 @@ def expired_tickets(database: Database, before: datetime) -> int:
     return _delete(database, Ticket, [Ticket.hash], select(Ticket).where(Ticket.expires_at < before))
 
 
-def deliveries(database: Database, before: datetime) -> int:
+def prune_deliveries(database: Database, before: datetime) -> int:
     """Deletes deliveries to webhooks that were sent before a time. Returns how many. Those of scores stay: they tell
     our own score at a platform from a person's."""
     rows = select(Delivery).join(Destination, Destination.id == Delivery.destination)

@@ -1,7 +1,7 @@
 """What is said of a class on an axis: positions, limits and what is right there, in words."""
 
 from grader.domain.axes import ClassAxis, Position
-from grader.web.text.numbers import capitalize, number, quantity, unbroken
+from grader.web.text.numbers import capitalize, keep_unbroken, write_number, write_quantity
 
 TOLERANCE = "tolerance"
 UNIT_SIGNS = 6
@@ -14,7 +14,7 @@ def write_position(position: Position, axis: ClassAxis) -> str:
         return axis.none
     if position.low == position.high:
         return write_value(position.low, axis)
-    return f"{number(position.low)} to {write_value(position.high, axis)}"
+    return f"{write_number(position.low)} to {write_value(position.high, axis)}"
 
 
 def round_position(position: Position, figures: int, axis: ClassAxis) -> str:
@@ -26,7 +26,7 @@ def round_position(position: Position, figures: int, axis: ClassAxis) -> str:
 
 def write_value(value: float, axis: ClassAxis) -> str:
     """Returns a number on the axis, with its unit."""
-    return quantity(value, axis.unit) if axis.unit else number(value)
+    return write_quantity(value, axis.unit) if axis.unit else write_number(value)
 
 
 def name_line(axis: ClassAxis) -> str:
@@ -68,7 +68,7 @@ def describe_near(axis: ClassAxis) -> str:
 
 def describe_axis(axis: ClassAxis) -> str:
     """Returns the heading of the class on this axis."""
-    title = capitalize(unbroken(axis.title))
+    title = capitalize(keep_unbroken(axis.title))
     if axis.is_limit:
         return f"{title}: where each learner says it lies"
     if axis.is_whole:

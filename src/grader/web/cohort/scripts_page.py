@@ -56,7 +56,7 @@ def show_scripts(
         *((attempt.submission, False) for attempt in family.was),
     ]
     with services.database.read() as session:
-        rows = {row.id: row.answer for row in submissions.several(session, [one for one, _ in made])}
+        rows = {row.id: row.answer for row in submissions.get_several(session, [one for one, _ in made])}
     shown = made[start : start + SCRIPTS]
     scripts = [make_script(at, one, rows[one], is_still=is_still) for one, is_still in shown]
     following = start + SCRIPTS if len(made) > start + SCRIPTS else None
@@ -93,6 +93,6 @@ def comment_all(services: AppServices, who: Instructor, quiz_id: str, question_i
     attempts = [at.answers.find(attempt.submission) for attempt in family.still or family.was]
     lines = {attempt.id: attempt.line for attempt in attempts if attempt is not None}
     with services.database.write() as session:
-        rows = [(row, lines[row.id]) for row in submissions.several(session, list(lines))]
+        rows = [(row, lines[row.id]) for row in submissions.get_several(session, list(lines))]
         written = write_comment(session, who, rows, form.get("text", "").replace("\r\n", "\n"))
     return RedirectResponse(f"{at.path}?said={len(written)}#m-{family.key}", 303)

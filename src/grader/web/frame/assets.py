@@ -29,7 +29,7 @@ def list_lab_scripts() -> Mapping[str, Path]:
 
 
 @cache
-def digest() -> str:
+def compute_digest() -> str:
     """Returns the digest of all files with their names, as they are when the process first asks."""
     files = {path.relative_to(FOLDER).as_posix(): path for path in FOLDER.rglob("*") if path.is_file()}
     parts = (f"{name}\0".encode() + path.read_bytes() for name, path in sorted({**files, **list_lab_scripts()}.items()))
@@ -38,14 +38,14 @@ def digest() -> str:
 
 def static(name: str) -> str:
     """Returns the address of a file for templates."""
-    return f"/static/{digest()}/{name}"
+    return f"/static/{compute_digest()}/{name}"
 
 
 async def static_file(path: str, scope: Scope) -> Response:
     """Renders a file by its path, with or without the digest before it. Raises HTTPException 404. Only the digest of
     what is served now lets browsers keep the file; any other address is asked for again."""
     first, _, rest = path.partition("/")
-    is_current = first == digest()
+    is_current = first == compute_digest()
     if rest and (is_current or DIGEST.fullmatch(first)):
         path = rest
     script = list_lab_scripts().get(path)

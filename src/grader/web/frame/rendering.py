@@ -78,18 +78,18 @@ templates.env.trim_blocks = templates.env.lstrip_blocks = True
 templates.env.globals["static"] = static
 templates.env.filters |= {
     "clock": moments.tag_clock,
-    "fraction": numbers.fraction,
+    "fraction": numbers.write_fraction,
     "lines_linked": card.link_lines,
     "moment": moments.tag_moment,
     "moments": moments.tag_moments,
-    "number": numbers.number,
+    "number": numbers.write_number,
     "plain": "{:.12g}".format,
-    "points": numbers.points,
+    "points": numbers.write_points,
     "prose": cached_prose,
     "remark": numbers.remark,
     "spoken": spoken_text,
     "typed": show_directions,
-    "unbroken": numbers.unbroken,
+    "unbroken": numbers.keep_unbroken,
 }
 
 
@@ -123,4 +123,4 @@ def list_origins(request: Request, platform_id: int) -> tuple[str, ...]:
     """Returns the origins whose pages may show ours in a frame; none once the platform is removed."""
     with services_in(request.app).database.read() as session:
         row = platforms.get(session, platform_id)
-        return () if row is None else platforms.view(row).origins
+        return () if row is None else platforms.read_platform(row).origins

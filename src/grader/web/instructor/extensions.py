@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from grader.courses.answering import publication, results
 from grader.courses.answering.policies import read_policies
 from grader.courses.people.identity import Identity
-from grader.courses.people.namesakes import marked, marks_in
+from grader.courses.people.namesakes import mark_name, marks_in
 from grader.domain.policy import Extension, Policy
 from grader.errors import Unprocessable
 from grader.gate.late_routes import page_router
@@ -58,9 +58,9 @@ def render(request: Request, services: Services, who: Identity, quiz: str, statu
             {"name": name, "row": row, **describe_dates(row)}
             for row, name in extensions.of_quiz(session, who.course, chosen.id)
         ]
-        published = extensions.published(session, who.course, [chosen.id]).get(chosen.id)
+        published = extensions.find_published(session, who.course, [chosen.id]).get(chosen.id)
         policy = read_policies(session, library, who.course, [chosen.id])[chosen.id]
-        learners, marks = people.learners(session, who.course, BOXES + 1), marks_in(session, who.course)
+        learners, marks = people.list_learners(session, who.course, BOXES + 1), marks_in(session, who.course)
     context: dict[str, Any] = {
         "learners": learners[:BOXES],
         "more_learners": len(learners) > BOXES,
@@ -103,12 +103,14 @@ def grant(request: Request, services: AppServices, who: Instructor, form: Form) 
         if granted == Extension() and "back" not in form:
             raise Unprocessable("Give a date or further attempts. “Take back” below ends an extension.")
         with services.database.write() as session:
-            chosen = choose_learners(form, people.learners(session, who.course), marks := marks_in(session, who.course))
+            chosen = choose_learners(
+                form, people.list_learners(session, who.course), marks := marks_in(session, who.course)
+            )
             for learner in sorted(
                 chosen, key=lambda member: member.id
             ):  # in one order, so that two pages never deadlock
                 results.grant(services.database, library, session, learner, quiz, granted=granted, by=who)
-            names = [marked(member.name, member.id, marks) for member in chosen]
+            names = [mark_name(member.name, member.id, marks) for member in chosen]
             policy = read_policies(session, library, who.course, [quiz])[quiz]
     except Unprocessable as error:
         return render(request, services, who, quiz, 422, trouble=str(error).splitlines(), typed=form)
@@ -121,7 +123,7 @@ def choose_learners(form: Mapping[str, str], learners: Sequence[Member], marks: 
     learner is chosen, or with a line for each name that no learner or several bear."""
     named: dict[str, list[Member]] = {}
     for one in learners:
-        for name in {one.name, marked(one.name, one.id, marks)}:
+        for name in {one.name, mark_name(one.name, one.id, marks)}:
             named.setdefault(" ".join(name.split()), []).append(one)
     wanted = dict.fromkeys(name for line in form.get("names", "").splitlines() if (name := " ".join(line.split())))
     troubles = [explain_refusal(name, len(named.get(name, ()))) for name in wanted if len(named.get(name, ())) != 1]

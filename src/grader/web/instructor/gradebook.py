@@ -153,11 +153,11 @@ def sum_points(quiz: Quiz) -> float:
 
 def list_rows(session: Session, who: Identity, quizzes: Sequence[Quiz], start: int, **wanted: Any) -> list[Row]:
     """Returns one learner more than a page has."""
-    without, unseen = results.instructors(session, who.course), unseen_by(session, who).results
+    without, unseen = results.list_instructors(session, who.course), unseen_by(session, who).results
     reviewer = who.id if unseen else ""
     questions, ids = sum(len(quiz.questions) for quiz in quizzes), [quiz.id for quiz in quizzes]
     ranking = Ranking(who.course, ids, questions, without, reviewer=reviewer, **wanted)
-    found = results.ranked(session, ranking, start, ROWS + 1)
+    found = results.rank_learners(session, ranking, start, ROWS + 1)
     learners = [learner for learner, _ in found]
     if len(quizzes) == 1:
         theirs = results.of_learners(session, who.course, ids[0], learners)

@@ -8,7 +8,7 @@ from fastapi import Query, Request
 from fastapi.responses import Response
 
 from grader.courses.people.namesakes import marks_in
-from grader.courses.reviewing.blinding import blinded, unseen_by
+from grader.courses.reviewing.blinding import hide_names, unseen_by
 from grader.errors import NotFound
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
@@ -46,8 +46,8 @@ def story(
         if member is None and not rows:
             raise NotFound("There is no such learner.")
         averaged = desk.list_averaged(session, who.course)
-        seen = blinded(desk, session, who, rows, submissions.verdicts(session, rows))
-        counts = results.everywhere(session, who.course, learner)
+        seen = hide_names(desk, session, who, rows, submissions.read_verdicts(session, rows))
+        counts = results.find_everywhere(session, who.course, learner)
         unseen = unseen_by(session, who).results
         shown = [(row, read_in_full(row, seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
         marks = marks_in(session, who.course)

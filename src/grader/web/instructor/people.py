@@ -18,7 +18,7 @@ from grader.courses.people.audit import Action
 from grader.courses.people.external import known_as
 from grader.courses.people.identity import Identity, Role, Scope
 from grader.courses.people.namesakes import marks_in
-from grader.courses.rules.csv_cells import guarded, lines
+from grader.courses.rules.csv_cells import guard, write_lines
 from grader.errors import CallerError, NotFound, Unauthorized, Unprocessable
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
@@ -114,11 +114,11 @@ def render(
             "count": people.count(session, who.course, listed.wanted),
             "course_count": people.count(session, who.course),
             "invitations": [
-                tokens.shown(credential)
-                for credential in invitations.pending(session, who.course)
+                tokens.describe_credential(credential)
+                for credential in invitations.list_pending(session, who.course)
                 if is_invitation(credential)
             ],
-            "tokens": [tokens.shown(token) for token in tokens.tokens(session, who.course)],
+            "tokens": [tokens.describe_credential(token) for token in tokens.list_tokens(session, who.course)],
             "audit": [(entry, *describe_subject(entry)) for entry in entries[:ROWS]],
             "marks": marks_in(session, who.course),
             "more_audit": entries[ROWS - 1].id if len(entries) > ROWS else None,
@@ -199,7 +199,7 @@ def render_links(
     """Renders the page with new links, which are shown this once."""
     origin = services.origin_of(request)
     links = [(invitation.member.name, f"{origin}/signin?code={invitation.code}") for invitation in made]
-    table = "".join(lines([("name", "link"), *((guarded(name), url) for name, url in links)]))
+    table = "".join(write_lines([("name", "link"), *((guard(name), url) for name, url in links)]))
     return render(request, services, who, part, listed=listed, links=links, links_table=table)
 
 
@@ -259,8 +259,8 @@ def create_token(request: Request, services: AppServices, who: Instructor, form:
     user = form.get("user", "").strip()
     try:
         with services.database.read() as session:
-            is_known = rules.known(session, user, who.course)
-            bear_it = people.bearers(session, who.course, user)
+            is_known = rules.is_known(session, user, who.course)
+            bear_it = people.count_bearers(session, who.course, user)
         if not is_known and form.get("new") != user:
             return render(request, services, who, "tokens", typed=form, unknown=user, bear_it=bear_it)
         with services.database.write() as session:

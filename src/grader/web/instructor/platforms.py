@@ -15,7 +15,7 @@ from grader.errors import CallerError
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.platforms import administration
-from grader.platforms.tool import MISSING, addresses
+from grader.platforms.tool import MISSING, list_addresses
 from grader.web.frame.inputs import Form, Instructor, RowId, Visitor
 from grader.web.frame.rendering import PRIVATE, page
 from grader.web.learner.pages import show_sign_in
@@ -43,7 +43,7 @@ def render(request: Request, services: Services, who: Identity, status: int = 20
         return {"platforms": platforms, "contexts": administration.contexts_of(session, who.course)}
 
     lists = services.sessions.reading(listed)
-    tool = addresses(services.origin_of(request))
+    tool = list_addresses(services.origin_of(request))
     trouble = None if services.tool is not None else MISSING
     context = {"trouble": trouble, "administers": administers, "tool": tool, **lists, **more}
     return page(request, "platforms.html", status, PRIVATE, who=who, **context)

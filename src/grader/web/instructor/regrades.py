@@ -62,7 +62,7 @@ def show(
     """How far a regrade is, and its differences, of `changed` verdicts or of all. Raises NotFound."""
     with services.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
-        shown = regrades.view(regrade, stored.progress(session, regrade))
+        shown = regrades.describe_regrade(regrade, stored.count_by_outcome(session, regrade))
         page_of = regrades.read_page(session, regrade.id, after, ROWS + 1, changed=changed)
         rows = blinded_differences(services.desk_of(who.course), session, who, regrade.quiz, page_of)
         marks = marks_in(session, who.course)
@@ -100,7 +100,7 @@ def render_list(request: Request, services: Services, who: Identity, status: int
     """Renders the page with the form and the list."""
     with services.database.read() as session:
         found = stored.page(session, who.course, None, SHOWN)
-        listed = [regrades.view(regrade, stored.progress(session, regrade)) for regrade in found]
+        listed = [regrades.describe_regrade(regrade, stored.count_by_outcome(session, regrade)) for regrade in found]
     library = services.library_for(who)
     quizzes = [quiz for quiz in library.quizzes.values() if quiz.questions]
     shown: dict[str, Any] = {

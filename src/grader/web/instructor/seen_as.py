@@ -12,8 +12,8 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity, Role
-from grader.courses.people.namesakes import marked, marks_in
-from grader.courses.reviewing.blinding import blinded, unseen_by
+from grader.courses.people.namesakes import mark_name, marks_in
+from grader.courses.reviewing.blinding import hide_names, unseen_by
 from grader.courses.reviewing.desk import Desk
 from grader.errors import NotFound
 from grader.gate.late_routes import page_router
@@ -66,8 +66,8 @@ def exercise_as(
         reader = get_learner(session, who, learner)
         work = read_visible_work(session, desk, who, reader, [quiz])
         attempts = list_attempts(session, work, reader, quiz_id, question_id)
-        names = blinded(
-            desk, session, who, submissions.several(session, [attempt.id for attempt in attempts]), {}
+        names = hide_names(
+            desk, session, who, submissions.get_several(session, [attempt.id for attempt in attempts]), {}
         ).names
         record(session, who, who.course, Action.SEEN_AS, reader.id, quiz=quiz_id, question=question_id)
     visible = [attempt for attempt in attempts if attempt.id not in names]
@@ -87,7 +87,7 @@ def get_learner(session: Session, who: Identity, learner: str) -> Identity:
     member = people.get(session, learner, who.course)
     if member is None:
         raise NotFound("There is no such learner.")
-    name = marked(member.name, member.id, marks_in(session, member.course))
+    name = mark_name(member.name, member.id, marks_in(session, member.course))
     return Identity(member.id, name, Role.STUDENT, member.course)
 
 
@@ -99,10 +99,10 @@ def render(request: Request, template: str, who: Identity, reader: Identity, sho
 def read_visible_work(session: Session, desk: Desk, who: Identity, reader: Identity, quizzes: Sequence[Quiz]) -> Work:
     """A learner's work, without answers and marks that the instructor is kept from seeing under the learner's name."""
     work = read_work(session, desk.library, reader, quizzes)
-    newest = submissions.newest(session, reader.course, reader.id)
+    newest = submissions.find_newest(session, reader.course, reader.id)
     earlier = [comment.submission for place in work.places.values() for comment in place.commented]
-    rows = [*newest, *submissions.several(session, earlier)] if earlier else newest
-    names = blinded(desk, session, who, rows, {}).names
+    rows = [*newest, *submissions.get_several(session, earlier)] if earlier else newest
+    names = hide_names(desk, session, who, rows, {}).names
     hidden = {(row.quiz, row.question) for row in newest if row.id in names}
     hidden |= {
         (result.quiz, result.question) for result in unseen_by(session, who).results if result.learner == reader.id

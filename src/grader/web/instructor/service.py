@@ -16,7 +16,7 @@ from grader.store.outbox import DEAD, Delivery
 from grader.web.frame.inputs import Instructor, RowId, Visitor
 from grader.web.frame.rendering import page
 from grader.web.learner.pages import show_sign_in
-from grader.web.text.numbers import span
+from grader.web.text.numbers import write_span
 
 PAGE = "/instructor/service"
 DEAD_SHOWN = 100
@@ -48,7 +48,7 @@ def list_queue(session: Session) -> list[tuple[str, int, int, str]]:
     """Says what waits and runs, by topic in order of priority, and for how long the oldest job has waited."""
     found = jobs.read_state(session)
     return [
-        (words, found[topic].waiting, found[topic].running, "" if age is None else span(age))
+        (words, found[topic].waiting, found[topic].running, "" if age is None else write_span(age))
         for topic, words in TOPICS.items()
         for age in [found[topic].oldest_s]
     ]

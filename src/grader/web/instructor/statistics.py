@@ -18,7 +18,7 @@ from grader.web.frame.rendering import page
 from grader.web.instructor.quiz_choice import choose_quiz
 from grader.web.instructor.statistics_plots import draw_bar, plot_estimates
 from grader.web.learner.pages import show_sign_in
-from grader.web.text.numbers import NARROW, capitalize, number, quantity
+from grader.web.text.numbers import NARROW, capitalize, write_number, write_quantity
 from grader.web.text.questions import describe_quiz
 from grader.web.verdict.plots import draw_both
 
@@ -165,7 +165,7 @@ def describe_value(cluster: Cluster, question: Question) -> str:
     """Returns the number that several learners gave, with its unit, and of several numbers with its name."""
     numbers = kind_of(question).numbers(question)
     counted = numbers[cluster.number] if cluster.number < len(numbers) else CountedNumber()
-    value = quantity(cluster.value, counted.unit) if counted.unit else number(cluster.value)
+    value = write_quantity(cluster.value, counted.unit) if counted.unit else write_number(cluster.value)
     return f"{counted.text}: {value}" if counted.text else value
 
 
@@ -179,4 +179,5 @@ def describe_correlation(estimate: Estimate | None) -> str:
     """Returns a correlation with its interval; where there is none, why."""
     if estimate is None:
         return "unknown: too few learners, or all alike"
-    return f"{number(estimate.value, 2)} ({number(estimate.low, 2)} to {number(estimate.high, 2)}, n = {estimate.n})"
+    value, low, high = (write_number(part, 2) for part in (estimate.value, estimate.low, estimate.high))
+    return f"{value} ({low} to {high}, n = {estimate.n})"

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from markupsafe import Markup
 
 from grader.courses.rules.statistics import Estimate, QuestionStatistics
-from grader.web.text.numbers import NARROW, number
+from grader.web.text.numbers import NARROW, write_number
 from grader.web.verdict.svg import Axis, Drawing, Sketch, trim
 
 ROW, FOOT, SIDE = 34.0, 30.0, 8.0
@@ -71,7 +71,12 @@ def describe_discrimination(tells: Sequence[Named]) -> str:
 def plot_rows(name: str, title: str, caption: str, rows: Sequence[Named], ends: tuple[float, float]) -> Sketch:
     """Returns one plot: a row for each question."""
     table = tuple(
-        (title, number(estimate.value, 2), f"{number(estimate.low, 2)} to {number(estimate.high, 2)}", str(estimate.n))
+        (
+            title,
+            write_number(estimate.value, 2),
+            f"{write_number(estimate.low, 2)} to {write_number(estimate.high, 2)}",
+            str(estimate.n),
+        )
         for title, estimate in rows
     )
     return Sketch(name, title, caption, (HEADINGS, *table), lambda width: draw(rows, ends, width))

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.answering.policies import read_policies
 from grader.courses.people.identity import DEFAULT_COURSE, Identity, Kind
-from grader.courses.people.namesakes import marked, marks_in
+from grader.courses.people.namesakes import mark_name, marks_in
 from grader.courses.reporting.stuck import SUBMISSIONS_MAX, SharedMistake, Stuck, find_shared_mistakes, find_stuck
 from grader.courses.reporting.today import COUNTED_MAX, Today, read_today
 from grader.domain.verdict import Status
@@ -31,7 +31,7 @@ from grader.web.instructor.certificates import list_certificates
 from grader.web.instructor.reviewing.review_list import DIFFER, FIRST, SECOND, Chosen
 from grader.web.instructor.reviewing.review_list import PAGE as REVIEW
 from grader.web.learner.pages import show_sign_in
-from grader.web.text.numbers import span
+from grader.web.text.numbers import write_span
 from grader.web.text.questions import describe_quiz, list_titles
 
 PAGE = "/instructor"
@@ -156,7 +156,7 @@ def make_task(
 
 def find_stuck_learners(session: Session, who: Identity) -> list[Stuck]:
     """Returns the learners of the instructor's course who are stuck."""
-    return find_stuck(session, who.course, results.instructors(session, who.course))
+    return find_stuck(session, who.course, results.list_instructors(session, who.course))
 
 
 def list_stuck(library: Library, stuck: Sequence[Stuck], marks: Mapping[str, str]) -> Iterable[Task]:
@@ -165,7 +165,7 @@ def list_stuck(library: Library, stuck: Sequence[Stuck], marks: Mapping[str, str
         titles = list_titles(library)
         lines = tuple(
             Line(
-                marked(learner.name, learner.learner, marks),
+                mark_name(learner.name, learner.learner, marks),
                 f"{describe_place(titles, learner)}, {learner.attempts} attempts: {learner.diagnosis}",
                 make_address(learner),
             )
@@ -187,7 +187,7 @@ def make_address(learner: Stuck) -> str:
 
 def describe_age(moment: datetime) -> str:
     """Says how long ago a moment was."""
-    return span((now() - moment).total_seconds())
+    return write_span((now() - moment).total_seconds())
 
 
 @router.get(STUCK)

@@ -11,7 +11,7 @@ from grader.library.lesson_ids import find_lesson_id
 from grader.questions import Quiz
 from grader.web.learner.lesson import WITH_AN_INSTRUCTOR, Asked, Typed, describe_question, list_facts
 from grader.web.text.lessons import describe_lesson
-from grader.web.text.numbers import points
+from grader.web.text.numbers import write_points
 from grader.web.text.questions import describe_quiz
 from grader.web.verdict.card import build_card
 from grader.web.verdict.work import Given, Work
@@ -83,8 +83,8 @@ def describe_points(here: Asked) -> str:
     """Returns the points that count at this exercise."""
     place = here.place
     if place.points is None or (place.needs_review and not place.points):
-        return f"none of {points(place.of)} yet"
-    return f"{points(place.points)} of {points(place.of)}"
+        return f"none of {write_points(place.of)} yet"
+    return f"{write_points(place.points)} of {write_points(place.of)}"
 
 
 def align_scripts(left: str, right: str) -> tuple[list[SourceLine], list[SourceLine]]:

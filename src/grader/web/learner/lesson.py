@@ -13,7 +13,7 @@ from grader.questions import FIELD, Fields, Question, Quiz, kind_of
 from grader.web.text.lab_box import describe_lab
 from grader.web.text.lessons import Lesson
 from grader.web.text.moments import format_day
-from grader.web.text.numbers import points
+from grader.web.text.numbers import write_points
 from grader.web.text.prose import cached_prose
 from grader.web.text.questions import describe_quiz, describe_unopened
 from grader.web.verdict.card import Card, build_card, format_count
@@ -195,7 +195,7 @@ def list_facts(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
     sums = [work.points(quiz) for quiz in with_questions]
     got, of = (sum(column) for column in zip(*sums, strict=True))
     counts = dict.fromkeys(describe_counting(work.access.policies[quiz.id]) for quiz in with_questions)
-    facts = {"points": f"{points(got)} of {points(of)}"}
+    facts = {"points": f"{write_points(got)} of {write_points(of)}"}
     places = [work.places[quiz.id, question.id] for quiz in with_questions for question in quiz.questions]
     if waiting := sum(place.of for place in places if place.needs_review and not place.points):
         facts[WITH_AN_INSTRUCTOR] = format_count(waiting, "point")

@@ -23,7 +23,7 @@ from grader.gate.services import AppServices, Services
 from grader.library import Library
 from grader.platforms.launching.addresses import origin_of
 from grader.platforms.launching.arrival import Arrival
-from grader.platforms.launching.deep_linking import CHOICES_MAX, Choice, response
+from grader.platforms.launching.deep_linking import CHOICES_MAX, Choice, sign_response
 from grader.platforms.launching.launch import Launch, Selection
 from grader.platforms.launching.login import launch_url
 from grader.platforms.launching.registration import PURPOSE as REGISTRATION
@@ -106,7 +106,7 @@ def choose(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs)
     if len(choices) > (CHOICES_MAX if selection.takes_many else 1):
         raise Unprocessable("More was chosen than the platform takes at once.")
     url = launch_url(services.origin_of(request))
-    token = response(tool.keys.sign, platform, body["deployment"], selection, choices=choices, launch_url=url)
+    token = sign_response(tool.keys.sign, platform, body["deployment"], selection, choices=choices, launch_url=url)
     goes_to = (origin_of(selection.return_url), *platform.origins)
     return show_framed(
         request, "lti_return.html", platform, goes_to, address=selection.return_url, token=token, count=len(choices)
@@ -186,4 +186,4 @@ def get_platform(session: Session, platform_id: int) -> Platform:
     row = platforms.get(session, platform_id)
     if row is None:
         raise NotFound("The platform was removed.")
-    return platforms.view(row)
+    return platforms.read_platform(row)

@@ -6,7 +6,7 @@ from fastapi.responses import RedirectResponse, Response
 
 from grader.courses.people import devices
 from grader.courses.people.identity import Identity
-from grader.courses.people.tokens import shown
+from grader.courses.people.tokens import describe_credential
 from grader.errors import Conflict, NotFound, Unauthorized
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
@@ -73,7 +73,9 @@ def render(
     waiting: devices.WaitingDevice | None = None, trouble: str = "", said: str = "",
 ) -> Response:  # fmt: skip
     """Renders the page."""
-    own = services.sessions.reading(lambda session: [shown(device) for device in devices.list_devices(session, who)])
+    own = services.sessions.reading(
+        lambda session: [describe_credential(device) for device in devices.list_devices(session, who)]
+    )
     days = devices.TOKEN.days
     return page(
         request, "devices.html", status, PRIVATE, who=who, code=code, waiting=waiting, trouble=trouble, said=said,

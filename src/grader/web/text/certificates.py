@@ -7,7 +7,7 @@ from grader.certify import Certificate
 from grader.certify.remarks import Luck
 from grader.domain.pages.markup import plain_text
 from grader.questions import AnswerKey, NumberKey
-from grader.web.text.numbers import NARROW, number, quantity, unbroken
+from grader.web.text.numbers import NARROW, keep_unbroken, write_number, write_quantity
 
 DIGITS = 6
 """Significant figures of what was derived."""
@@ -38,13 +38,15 @@ def word_key(asked: AnswerKey, certificate: Certificate) -> list[tuple[str, list
     headed = [("Simulated", [simulated]), ("Came out", found), ("The key", [describe_key(asked, certificate)])]
     if "shortest timestep [s]" in certificate.regime:
         headed.insert(1, ("Checked", [describe_regime(certificate.regime)]))
-    return [(heading, [unbroken(line) for line in lines]) for heading, lines in headed]
+    return [(heading, [keep_unbroken(line) for line in lines]) for heading, lines in headed]
 
 
 def describe_regime(regime: Mapping[str, Any]) -> str:
     """Says how short the timesteps were, compared with the motion."""
-    shortest, own = (quantity(1000 * regime[name], "ms", 3) for name in ("shortest timestep [s]", "own timestep [s]"))
-    fastest = f"The fastest motion has a rate of {quantity(regime['fastest rate [1/s]'], '1/s', 3)}"
+    shortest, own = (
+        write_quantity(1000 * regime[name], "ms", 3) for name in ("shortest timestep [s]", "own timestep [s]")
+    )
+    fastest = f"The fastest motion has a rate of {write_quantity(regime['fastest rate [1/s]'], '1/s', 3)}"
     return f"{fastest}. The timesteps went from {own} to {shortest}: what is faster stays unseen."
 
 
@@ -55,7 +57,7 @@ def find_unit(asked: AnswerKey) -> str:
 
 def format_amount(value: float | None, unit: str) -> str:
     """Returns a number with its unit, if it has one."""
-    return quantity(value, unit, DIGITS) if unit else number(value, DIGITS)
+    return write_quantity(value, unit, DIGITS) if unit else write_number(value, DIGITS)
 
 
 def describe_key(asked: AnswerKey, certificate: Certificate) -> str:
@@ -71,7 +73,7 @@ def describe_key(asked: AnswerKey, certificate: Certificate) -> str:
     share = f", {100 * off / tolerance:.0f}{NARROW}% of the tolerance" if tolerance else ""
     return (
         f"{format_amount(certificate.expected, unit)}, with a tolerance of {format_amount(tolerance, unit)}. "
-        f"What came out is {quantity(off, unit, 2) if unit else number(off, 2)} away{share}."
+        f"What came out is {write_quantity(off, unit, 2) if unit else write_number(off, 2)} away{share}."
     )
 
 
@@ -115,7 +117,7 @@ def describe_options(measured: Mapping[str, Any], _: str) -> tuple[str, list[str
     """Says what happened under each option's setting."""
     each = {plain_text(name): run for name, run in measured.items() if name != ALL_INTEGRATORS}
     lengths = {run["seconds"] for run in each.values() if "seconds" in run}
-    length = f", {quantity(max(lengths), 's')} each" if lengths else ""
+    length = f", {write_quantity(max(lengths), 's')} each" if lengths else ""
     lines = [f"{name}: {describe_run(run)}." for name, run in each.items()]
     if ALL_INTEGRATORS in measured:
         lines += [
@@ -129,7 +131,7 @@ def describe_options(measured: Mapping[str, Any], _: str) -> tuple[str, list[str
 def describe_run(run: Mapping[str, Any]) -> str:
     """Says how one run ended."""
     if "warning" in run:
-        return f"MuJoCo warned of {run['warning']} at {quantity(run['time'], 's')}"
+        return f"MuJoCo warned of {run['warning']} at {write_quantity(run['time'], 's')}"
     if "stable" in run:
         return "stable to the end" if run["stable"] else run.get("growth", "unstable")
     return describe_truth(run["holds"], {name: value for name, value in run.items() if name != "holds"})
@@ -137,7 +139,7 @@ def describe_run(run: Mapping[str, Any]) -> str:
 
 def describe_limit(limit_ms: float | None) -> str:
     """Returns the limit of an integrator, if there is one."""
-    return "" if limit_ms is None else f"; its limit is {quantity(limit_ms, 'ms')}"
+    return "" if limit_ms is None else f"; its limit is {write_quantity(limit_ms, 'ms')}"
 
 
 def describe_outcome(measured: Mapping[str, Any], _: str) -> tuple[str, list[str]]:
@@ -152,7 +154,7 @@ def describe_outcome(measured: Mapping[str, Any], _: str) -> tuple[str, list[str
 def describe_truth(holds: Any, more: Mapping[str, Any]) -> str:
     """Says whether a claim is true, and the number that decided."""
     numbers = ", ".join(
-        f"the last value is {value}" if name == "final" else NUMBERS[name].format(number(value, DIGITS))
+        f"the last value is {value}" if name == "final" else NUMBERS[name].format(write_number(value, DIGITS))
         for name, value in more.items()
     )
     return f"{'true' if holds else 'not true'}{f' ({numbers})' if numbers else ''}"
@@ -170,7 +172,7 @@ def format_chance(chance: float) -> str:
     if chance >= 0.01 or chance == 0:
         return f"{100 * chance:.0f}{NARROW}%"
     if chance <= 1e-9:
-        return number(chance, 2)
+        return write_number(chance, 2)
     odds = round(1 / chance)
     last = 10 ** (len(str(odds)) - 2)
     return f"one in {odds // last * last:,}".replace(",", NARROW)

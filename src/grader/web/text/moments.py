@@ -5,27 +5,27 @@ from datetime import UTC, datetime
 
 from markupsafe import Markup, escape
 
-from grader.courses.rules.policy import spoken
+from grader.courses.rules.policy import format_moment
 
 SPOKEN = re.compile(r"(?:[A-Z][a-z]{2} )?(\d{1,2} [A-Z][a-z]{2} \d{4}, \d{2}:\d{2} UTC)")
-"""A moment in a sentence, as `spoken` and `format_day` write it; the group has no day of the week."""
+"""A moment in a sentence, as `format_moment` and `format_day` write it; the group has no day of the week."""
 
 TAG = Markup('<time class="nowrap" datetime="{}" title="{}">{}</time>')
 
 
 def format_day(moment: datetime) -> str:
     """Returns a moment with its day of the week: `Fri 27 Nov 2026, 18:00 UTC`."""
-    return f"{moment:%a} {spoken(moment)}"
+    return f"{moment:%a} {format_moment(moment)}"
 
 
 def tag_moment(moment: datetime) -> Markup:
     """Returns a moment for a page: `27 Nov 2026, 18:00 UTC` within `<time>`."""
-    return TAG.format(moment.isoformat(), spoken(moment), spoken(moment))
+    return TAG.format(moment.isoformat(), format_moment(moment), format_moment(moment))
 
 
 def tag_clock(moment: datetime) -> Markup:
     """Returns the time of day of a moment of the next hours: `18:00 UTC` within `<time>`."""
-    return TAG.format(moment.isoformat(), spoken(moment), f"{moment:%H:%M} UTC")
+    return TAG.format(moment.isoformat(), format_moment(moment), f"{moment:%H:%M} UTC")
 
 
 def tag_moments(sentence: str) -> Markup:

@@ -30,7 +30,7 @@ CODE = re.compile("`([^`]*)`")
 NEGATIVE = re.compile(r"(?<![\w.−-])-(?=\d)")
 
 
-def number(value: float | None, digits: int = 4) -> str:
+def write_number(value: float | None, digits: int = 4) -> str:
     """At most `digits` significant figures: `19.98`, `−2.5`, `1.9·10⁻³`; a dash for None."""
     if value is None:
         return "–"
@@ -40,37 +40,37 @@ def number(value: float | None, digits: int = 4) -> str:
     if size != 0 and not 1e-3 <= size < 1e6:
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
         factor = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
-        return f"{'' if factor == '1' else f'{factor}·'}10{power(int(exponent))}".replace("-", MINUS)
-    return plain(value, digits).replace("-", MINUS)
+        return f"{'' if factor == '1' else f'{factor}·'}10{write_power(int(exponent))}".replace("-", MINUS)
+    return write_plain(value, digits).replace("-", MINUS)
 
 
-def plain(value: float, digits: int) -> str:
+def write_plain(value: float, digits: int) -> str:
     """Returns a number of moderate size without an exponent."""
     rounded = float(f"{value:.{digits}g}")
     return f"{rounded:.0f}" if rounded == int(rounded) else repr(rounded)
 
 
-def power(exponent: int) -> str:
+def write_power(exponent: int) -> str:
     """Returns an exponent in superscript figures."""
     return str(exponent).translate(SUPERSCRIPTS)
 
 
-def quantity(value: float | None, unit: str, digits: int = 4) -> str:
+def write_quantity(value: float | None, unit: str, digits: int = 4) -> str:
     """Returns a number and its unit, never parted by the end of a line."""
-    return f"{number(value, digits)}{NARROW}{unit}"
+    return f"{write_number(value, digits)}{NARROW}{unit}"
 
 
-def fraction(text: str) -> str:
+def write_fraction(text: str) -> str:
     """Returns a coefficient of a tableau: the commonest fractions as one sign."""
     return FRACTIONS.get(text, text.replace("-", MINUS))
 
 
-def points(value: float) -> str:
+def write_points(value: float) -> str:
     """Points to two decimals, without trailing zeros."""
     return f"{value:.2f}".rstrip("0").rstrip(".")
 
 
-def span(seconds: float) -> str:
+def write_span(seconds: float) -> str:
     """Says how long something has lasted, in its largest unit: `3 days`, `1 hour`, `under a minute`."""
     for size, unit in SPANS.items():
         if (whole := int(seconds // size)) >= 1:
@@ -86,13 +86,13 @@ def capitalize(text: str) -> str:
 
 def remark(text: str) -> Markup:
     """Returns a remark on content as it is shown: with a capital letter, and what stands between backticks as code."""
-    said = capitalize(unbroken(text)) if text[:1].isalpha() else unbroken(text)
+    said = capitalize(keep_unbroken(text)) if text[:1].isalpha() else keep_unbroken(text)
     return Markup(CODE.sub(r"<code>\1</code>", str(escape(said))))  # noqa: S704  # escaped
 
 
-def unbroken(text: str) -> str:
+def keep_unbroken(text: str) -> str:
     """A plain text whose numbers keep their units on the same line, and have true minus signs and powers of ten."""
-    text = SCIENTIFIC.sub(lambda match: f"{match[1]}·10{power(int(match[2]))}", text)
+    text = SCIENTIFIC.sub(lambda match: f"{match[1]}·10{write_power(int(match[2]))}", text)
     return NEGATIVE.sub(MINUS, join_units(text))
 
 

@@ -18,7 +18,7 @@ from grader.domain.pages.prose import (
     TOKEN,
     URL_SCHEMES,
     VERBATIM,
-    mathml,
+    render_tex,
 )
 from grader.web.text.numbers import join_units
 
@@ -117,4 +117,4 @@ class _Reader:
         self.tex -= len(tex) + FORMULA_COST
         if len(tex) > TEX_LENGTH_MAX or self.tex < 0:
             return f"<code>{tex.replace('<', '&lt;')}</code>"
-        return mathml(html.unescape(tex), "block" if formula.re is DISPLAY else "inline")
+        return render_tex(html.unescape(tex), "block" if formula.re is DISPLAY else "inline")

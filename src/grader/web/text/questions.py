@@ -12,7 +12,7 @@ from grader.library import Library
 from grader.questions import FORMS, Question, Quiz, kind_of, question_view
 from grader.questions.drawing import Drawable, is_drawn
 from grader.web.text.lab_box import describe_lab
-from grader.web.text.numbers import NARROW, unbroken
+from grader.web.text.numbers import NARROW, keep_unbroken
 from grader.web.text.prose import cached_prose
 
 DANGLING = re.compile(r"(?:\s*+\([^)]*+|\s++[\d.]++|[\s.,;:=+-])++$")
@@ -44,7 +44,7 @@ def describe_question(quiz_id: str, question: Question, starter: str | None) -> 
     kind, view = kind_of(question), question_view(question)
     form = FORMS[view.get("takes", "python")]
     return view | {
-        "heading": unbroken(plain_text(question.title or question.label or kind.heading(question))),
+        "heading": keep_unbroken(plain_text(question.title or question.label or kind.heading(question))),
         "short": shorten_title(question.title or question.label, question.q),
         "prompt": render_prompt(question.q),
         "opening": render_opening(question.q),
@@ -81,7 +81,7 @@ def render_opening(text: str) -> Markup:
 
 def shorten_title(title: str | None, text: str) -> str:
     """Returns the title of a question, or the first words of its text."""
-    return unbroken(plain_text(title or "") or shorten_text(plain_text(text)))
+    return keep_unbroken(plain_text(title or "") or shorten_text(plain_text(text)))
 
 
 def list_titles(library: Library) -> dict[tuple[str, str], str]:

@@ -9,7 +9,7 @@ import zoneinfo
 from collections.abc import Mapping
 from datetime import UTC, datetime, tzinfo
 
-from grader.courses.rules.policy import spoken
+from grader.courses.rules.policy import format_moment
 from grader.errors import Unprocessable, WrongMoments
 
 DEFAULT = "UTC"
@@ -86,6 +86,6 @@ def to_utc(text: str, zone: tzinfo) -> str:
             f"{clock} does not exist in {zone}: clocks are put forward. Choose an earlier or a later time."
         )
     raise Unprocessable(
-        f"{clock} comes twice in {zone}, as clocks are put back: as {spoken(first)} and as {spoken(second)}. "
-        "Write UTC as the zone, and one of the two."
+        f"{clock} comes twice in {zone}, as clocks are put back: as {format_moment(first)} and as "
+        f"{format_moment(second)}. Write UTC as the zone, and one of the two."
     )

@@ -10,7 +10,7 @@ from markupsafe import Markup, escape
 
 from grader.domain.pages.pictures import Table
 from grader.domain.verdict import Status
-from grader.web.text.numbers import capitalize, number, points, quantity, unbroken
+from grader.web.text.numbers import capitalize, keep_unbroken, write_number, write_points, write_quantity
 from grader.web.text.prose import cached_prose
 from grader.web.text.statuses import FAILED, PASSED, Badge, describe_outcome
 from grader.web.verdict import evidence as read
@@ -132,12 +132,16 @@ def build_card(given: Given) -> Card | None:
     titles = {finding["id"]: finding["title"] for finding in findings}
     diagnosis = verdict.get("diagnosis") or verdict.get("remark") or ""
     cases = {title.partition(": ")[0] for title in titles.values()}
-    said = capitalize(unbroken(diagnosis)) if diagnosis.startswith(tuple(cases)) else unbroken(diagnosis)
+    said = capitalize(keep_unbroken(diagnosis)) if diagnosis.startswith(tuple(cases)) else keep_unbroken(diagnosis)
     notes = (ended,) if ended else tuple(list_notes(columns, rows, said))
-    score = f"{points(verdict['points'])} of {format_count(verdict['max_points'], 'point')}" if given.is_decided else ""
+    score = (
+        f"{write_points(verdict['points'])} of {format_count(verdict['max_points'], 'point')}"
+        if given.is_decided
+        else ""
+    )
     return Card(
         given, given.badge, score, said,
-        unbroken(verdict.get("read_as") or ""), columns, tuple(row for row in rows if not row.passed),
+        keep_unbroken(verdict.get("read_as") or ""), columns, tuple(row for row in rows if not row.passed),
         tuple(row for row in rows if row.passed), notes, tuple(cells),
         mark_script(given.text, verdict), read.read_one(evidence, "tableau", read.Tableau),
         tuple(read.read_list(evidence, "values", read.Value)), tuple(list_tables(evidence, titles)),
@@ -165,7 +169,7 @@ def describe_end(status: str, findings: Sequence[Mapping[str, Any]]) -> str:
 
 def format_count(value: float, noun: str) -> str:
     """`1 point`, `2.5 points`."""
-    return f"{points(value)} {noun}{'' if value == 1 else 's'}"
+    return f"{write_points(value)} {noun}{'' if value == 1 else 's'}"
 
 
 def build_matrix(findings: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], tuple[Row, ...]]:
@@ -178,7 +182,7 @@ def build_matrix(findings: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...]
         return (), ()
     cells = {(row, column): build_cell(finding) for (row, _, column), finding in zip(places, findings, strict=True)}
     return columns, tuple(
-        Row(capitalize(unbroken(row)), tuple(cells[row, column] for column in columns)) for row in titles
+        Row(capitalize(keep_unbroken(row)), tuple(cells[row, column] for column in columns)) for row in titles
     )
 
 
@@ -226,7 +230,7 @@ def build_cell(finding: Mapping[str, Any]) -> Cell:
     badge = describe_outcome(finding["passed"], finding["points"])
     rubric = tuple(list_rubric(finding.get("measured")))
     worth = {"got": finding["points"], "of": finding["max_points"], "rubric": rubric}
-    title, message = capitalize(unbroken(finding["title"])), unbroken(finding["message"])
+    title, message = capitalize(keep_unbroken(finding["title"])), keep_unbroken(finding["message"])
     if badge == PASSED:
         return Cell(badge, title, message, **worth)
     if badge == FAILED and (match := WORD.match(message)):
@@ -271,9 +275,9 @@ def describe_value(value: Any) -> str:
     if value is None or isinstance(value, bool):
         return ""
     if isinstance(value, int | float):
-        return number(value, 5)
+        return write_number(value, 5)
     if isinstance(value, str):
-        return unbroken(value)
+        return keep_unbroken(value)
     if isinstance(value, list):
         return " to ".join(map(describe_value, value))
     if isinstance(value, dict):
@@ -283,14 +287,14 @@ def describe_value(value: Any) -> str:
 
 def describe_number(value: Any) -> str:
     """Returns a number to the four figures that messages have."""
-    return number(value, 4) if isinstance(value, int | float) else "\0"
+    return write_number(value, 4) if isinstance(value, int | float) else "\0"
 
 
 def list_rubric(measured: Any) -> Iterator[str]:
     """Yields the items of the rubric that a reviewer chose."""
     if isinstance(measured, dict) and isinstance(measured.get("rubric"), list):
         for item in measured["rubric"]:
-            yield f"{item['title']} ({number(item['points'])})"
+            yield f"{item['title']} ({write_number(item['points'])})"
 
 
 def link_lines(text: str) -> Markup:
@@ -303,6 +307,6 @@ def list_facts(verdict: Mapping[str, Any]) -> Iterator[str]:
     times = verdict.get("timing_ms") or {}
     for name, words in TIMES.items():
         if name in times:
-            yield f"{quantity(times[name], 'ms', 3)} {words}"
+            yield f"{write_quantity(times[name], 'ms', 3)} {words}"
     if version := (verdict.get("environment") or {}).get("mujoco"):
         yield f"MuJoCo {version}"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from grader.domain.pages.pictures import OwnFilm
-from grader.web.text.numbers import quantity
+from grader.web.text.numbers import write_quantity
 from grader.web.verdict import evidence as read
 
 
@@ -53,4 +53,4 @@ def describe_film(evidence: Mapping[str, Any]) -> FilmBox | None:
 
 def describe_limit(integrator: str, limit: read.Limit) -> str:
     """Returns the limit of one integrator in words."""
-    return f"{integrator} {'none' if limit.linear_ms is None else quantity(limit.linear_ms, 'ms')}"
+    return f"{integrator} {'none' if limit.linear_ms is None else write_quantity(limit.linear_ms, 'ms')}"

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any
 
-from grader.web.text.numbers import number, quantity
+from grader.web.text.numbers import write_number, write_quantity
 from grader.web.verdict.line_plots import HEIGHT, LEFT, RIGHT, TOP, make_frame
 from grader.web.verdict.plots import Figure, draw_both
 from grader.web.verdict.svg import Axis, Drawing, Sketch
@@ -41,11 +41,11 @@ def plot_bracket(key: float, tolerance: float, stable: float, unstable: float, u
     """The timesteps about a limit: what stays stable, what does not, and the band of the key."""
     inside = key - tolerance <= stable and unstable <= key + tolerance
     title = f"The limit lies {'within' if inside else 'outside'} the key's tolerance"
-    caption = f"Stable at {quantity(stable, unit, DIGITS)}, unstable at {quantity(unstable, unit, DIGITS)}."
+    caption = f"Stable at {write_quantity(stable, unit, DIGITS)}, unstable at {write_quantity(unstable, unit, DIGITS)}."
     table = (
         ("", "From", "To"),
-        ("Key", number(key - tolerance, DIGITS), number(key + tolerance, DIGITS)),
-        ("Limit", number(stable, DIGITS), number(unstable, DIGITS)),
+        ("Key", write_number(key - tolerance, DIGITS), write_number(key + tolerance, DIGITS)),
+        ("Limit", write_number(stable, DIGITS), write_number(unstable, DIGITS)),
     )
 
     def draw(width: float) -> Drawing:
@@ -54,7 +54,7 @@ def plot_bracket(key: float, tolerance: float, stable: float, unstable: float, u
         left, right = across.at(stable), across.at(unstable)
         picture.box("passes", across.at(key - tolerance), TOP, across.at(key + tolerance) - across.at(key - tolerance),
                     foot - TOP)  # fmt: skip
-        picture.text(f"the key: {quantity(key, unit)}", across.at(key), TOP - 8, "name", "middle")
+        picture.text(f"the key: {write_quantity(key, unit)}", across.at(key), TOP - 8, "name", "middle")
         picture.box("shade", RIGHT, foot - BAR, left - RIGHT, BAR)
         picture.hatch("grid", right, foot - BAR, width - RIGHT - right, BAR)
         picture.line("limit", (left + right) / 2, foot - BAR - 6, (left + right) / 2, foot)
@@ -74,8 +74,8 @@ def plot_refinement(
     inside = abs(finest - key) <= tolerance
     title = f"What is measured lies {'within' if inside else 'outside'} the key's tolerance"
     caption = "The number at the model's timestep h and at shorter ones; dots at h stand for starts that are shifted."
-    rows = [(name_timestep(finer), number(values[finer], DIGITS)) for finer in sorted(values)]
-    rows += [("h, shifted", number(value, DIGITS)) for value in nudged]
+    rows = [(name_timestep(finer), write_number(values[finer], DIGITS)) for finer in sorted(values)]
+    rows += [("h, shifted", write_number(value, DIGITS)) for value in nudged]
     table = (("Timestep", f"Measured [{unit}]" if unit else "Measured"), *rows)
 
     def draw(width: float) -> Drawing:
@@ -86,8 +86,8 @@ def plot_refinement(
         picture.y_axis(up, LEFT, width - RIGHT, 4)
         picture.line("axis", LEFT, foot, width - RIGHT, foot)
         picture.text(unit, 0, 12)
-        picture.text(f"the key: {number(key, DIGITS)} ± {number(tolerance, 2)}", width - RIGHT - 4, top + 16, "halo",
-                     "end")  # fmt: skip
+        named = f"the key: {write_number(key, DIGITS)} ± {write_number(tolerance, 2)}"
+        picture.text(named, width - RIGHT - 4, top + 16, "halo", "end")
         points = [(across.at(finer), up.at(values[finer])) for finer in sorted(values)]
         picture.path("line solid", points)
         for x, y in points:
@@ -105,7 +105,7 @@ def plot_refinement(
 
 def name_timestep(finer: float) -> str:
     """Returns the name of a timestep that is so many times shorter than the model's."""
-    return "h" if finer == 1 else f"h/{number(finer, 4)}"
+    return "h" if finer == 1 else f"h/{write_number(finer, 4)}"
 
 
 def widen(*values: float) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from grader.domain.pages.pictures import Chart, ChartAxis
-from grader.web.text.numbers import capitalize, number, quantity, unbroken
+from grader.web.text.numbers import capitalize, keep_unbroken, write_number, write_quantity
 from grader.web.verdict.evidence import Difference, Order
 from grader.web.verdict.svg import Axis, Drawing, Point, Sketch, estimate_width
 
@@ -35,14 +35,14 @@ def plot_order(order: Order) -> Sketch | None:
         return None
     measured = "no order" if order.slope is None else f"order {order.slope:.2f}"
     is_right = order.slope is not None and abs(order.slope - order.expected_slope) < OFF_BY
-    factor = number(2.0 ** (order.slope or 0.0), 2)
-    expected = number(2.0**order.expected_slope, 2)
+    factor = write_number(2.0 ** (order.slope or 0.0), 2)
+    expected = write_number(2.0**order.expected_slope, 2)
     if is_right:
         title = f"Halve the timestep and your error falls by a factor of {factor}, as it should"
     else:
         title = f"Halve the timestep and your error falls by a factor of {factor}; it should be {expected}"
     caption = "The largest error against the exact motion, over the timestep; both axes are logarithmic."
-    rows = tuple((quantity(h, "ms"), number(e, 3)) for h, e in found)
+    rows = tuple((write_quantity(h, "ms"), write_number(e, 3)) for h, e in found)
     table = (("Timestep", "Your error"), *rows)
     return Sketch("order", title, caption, table, lambda width: draw_order(order, found, measured, width))
 
@@ -57,7 +57,7 @@ def draw_order(order: Order, found: Sequence[Point], measured: str, width: float
     picture.y_axis(up, LEFT, width - RIGHT, 4)
     picture.line("axis", LEFT, HEIGHT - FOOT, width - RIGHT, HEIGHT - FOOT)
     for h, _ in found:
-        picture.text(quantity(h, "ms"), across.at(h), HEIGHT - FOOT + 18, anchor="middle")
+        picture.text(write_quantity(h, "ms"), across.at(h), HEIGHT - FOOT + 18, anchor="middle")
     picture.text("timestep", (LEFT + width) / 2, HEIGHT - 6, anchor="middle")
     inner = Drawing(width, HEIGHT)
 
@@ -73,7 +73,7 @@ def draw_order(order: Order, found: Sequence[Point], measured: str, width: float
     is_above = max(ideal)[1] > max(found)[1]
     draw_end(picture, drawn(found), f"yours: {measured}", is_below=is_off and is_above)
     if is_off:
-        draw_end(picture, drawn(ideal), f"order {number(order.expected_slope)} would be", is_below=not is_above)
+        draw_end(picture, drawn(ideal), f"order {write_number(order.expected_slope)} would be", is_below=not is_above)
     return picture
 
 
@@ -104,9 +104,10 @@ def plot_difference(difference: Difference, name: str) -> Sketch | None:
     most = max(v for points in found.values() for _, v in points)
     within = most <= difference.tolerance
     title = "Round-off is all that parts you from MuJoCo's RK4" if within else "How far you are from MuJoCo's RK4"
-    caption = f"{capitalize(unbroken(name))}: the largest difference against time, on a logarithmic scale."
+    caption = f"{capitalize(keep_unbroken(name))}: the largest difference against time, on a logarithmic scale."
     rows = tuple(
-        (label, number(max(v for _, v in points), 3), number(difference.tolerance)) for label, points in found.items()
+        (label, write_number(max(v for _, v in points), 3), write_number(difference.tolerance))
+        for label, points in found.items()
     )
     head = ("Of the", "Largest difference", "Counts as right up to")
     name = f"difference-{difference.case}"
@@ -122,12 +123,12 @@ def draw_difference(difference: Difference, found: dict[str, list[Point]], width
     picture.box("passes", LEFT, passes, width - RIGHT - LEFT, HEIGHT - FOOT - passes)
     picture.y_axis(up, LEFT, width - RIGHT, 5)
     picture.x_axis(across, HEIGHT - FOOT, "s", 5)
-    picture.text(f"counts as right: up to {number(difference.tolerance)}", LEFT + 6, passes + 16, "halo")
+    picture.text(f"counts as right: up to {write_number(difference.tolerance)}", LEFT + 6, passes + 16, "halo")
     for label, style, is_below in (("velocities", "solid", False), ("positions", "dashed", True)):
         points = found.get(label, [])
         picture.path(f"line {style}", [(across.at(t), up.at(v)) for t, v in points])
         if points:
-            caption = f"{label}: up to {number(max(v for _, v in points), 2)}"
+            caption = f"{label}: up to {write_number(max(v for _, v in points), 2)}"
             # Above every velocity, or below every position, that the name spans.
             spanned = min(1.0, estimate_width(caption) / (across.end - across.start))
             reach = [v for _, v in points[-math.ceil(spanned * len(points)) :]]
@@ -144,7 +145,10 @@ def plot_chart(chart: Chart, name: str, index: int) -> Sketch | None:
         return None
     title = f"{name}: {chart.title}" if chart.title else name
     caption = f"{chart.y.label or 'Value'} against {chart.x.label or 'x'}."
-    rows = [(label, *(f"{number(p[0])}: {number(p[1])}" for p in (points[0], points[-1]))) for label, points in lines]
+    rows = [
+        (label, *(f"{write_number(p[0])}: {write_number(p[1])}" for p in (points[0], points[-1])))
+        for label, points in lines
+    ]
     table = (("Line", "First point", "Last point"), *rows)
     return Sketch(f"chart-{index}", title, caption, table, lambda width: draw_chart(chart, lines, width))
 

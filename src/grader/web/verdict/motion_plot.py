@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 
-from grader.web.text.numbers import quantity
+from grader.web.text.numbers import write_quantity
 from grader.web.verdict.evidence import Run
 from grader.web.verdict.svg import Axis, Drawing, Sketch
 
@@ -27,7 +27,7 @@ def plot_motion(runs: Sequence[Run], integrators: Mapping[str, str]) -> Sketch:
     """Plots the runs of all visible cases."""
     rows = [list(some) for _, some in groupby(runs, key=lambda run: run.case)]
     table = tuple(
-        (integrators.get(run.case, run.case), run.end, quantity(run.timestep_ms, "ms"), describe_run(run))
+        (integrators.get(run.case, run.case), run.end, write_quantity(run.timestep_ms, "ms"), describe_run(run))
         for run in runs
     )
     caption = (
@@ -41,18 +41,18 @@ def plot_motion(runs: Sequence[Run], integrators: Mapping[str, str]) -> Sketch:
 def describe_run(run: Run) -> str:
     """Says what becomes of a run, in words."""
     if run.diverged:
-        return f"warning at {quantity(run.time_s[-1], 's', 3)}"
+        return f"warning at {write_quantity(run.time_s[-1], 's', 3)}"
     reach = [abs(value) for value in run.angle]
     third = max(1, len(reach) // 3)
     first, last = max(reach[:third]), max(reach[-third:])
     if last > GROWTH * first:
-        return f"grows; no warning within {quantity(run.time_s[-1], 's', 2)}"
+        return f"grows; no warning within {write_quantity(run.time_s[-1], 's', 2)}"
     if last >= first / 2:
         return "keeps its size"
     settled = find_settling_time(run)
     if settled > NEARLY * run.time_s[-1]:
-        return f"decays; not at rest after {quantity(run.time_s[-1], 's', 2)}"
-    return f"settles by {quantity(settled, 's', 2)}"
+        return f"decays; not at rest after {write_quantity(run.time_s[-1], 's', 2)}"
+    return f"settles by {write_quantity(settled, 's', 2)}"
 
 
 def find_settling_time(run: Run) -> float:
@@ -85,7 +85,7 @@ def draw_panel(picture: Drawing, run: Run, integrator: str, place: tuple[float, 
     shown = 1.2 * seconds if run.diverged else min(seconds, 1.5 * find_settling_time(run)) or seconds
     frame_top, bottom = top + TITLE, top + TITLE + PANEL
     across, up = Axis(0, shown, x + LEFT, x + width - 8), Axis(-cap, cap, bottom, frame_top)
-    picture.text(f"{integrator}, {run.end}, {quantity(run.timestep_ms, 'ms')}".lstrip(", "), x, top + 14, "name")
+    picture.text(f"{integrator}, {run.end}, {write_quantity(run.timestep_ms, 'ms')}".lstrip(", "), x, top + 14, "name")
     picture.y_axis(up, across.start, across.end, 3)
     if run.diverged:
         picture.box("shade", across.at(seconds), frame_top, across.end - across.at(seconds), PANEL)

@@ -9,7 +9,7 @@ from typing import Any
 from markupsafe import Markup
 
 from grader.domain.pages.pictures import Chart
-from grader.web.text.numbers import capitalize, unbroken
+from grader.web.text.numbers import capitalize, keep_unbroken
 from grader.web.verdict import evidence as read
 from grader.web.verdict.line_plots import plot_chart, plot_difference, plot_order
 from grader.web.verdict.motion_plot import plot_motion
@@ -67,7 +67,7 @@ def list_sketches(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Ite
             yield plot
     charts = [chart for key in ("motions", "charts") for chart in read.read_list(evidence, key, Chart)]
     for index, chart in enumerate(charts):
-        if (plot := plot_chart(chart, capitalize(unbroken(name_case(titles, chart.case))), index)) is not None:
+        if (plot := plot_chart(chart, capitalize(keep_unbroken(name_case(titles, chart.case))), index)) is not None:
             yield plot
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from grader.web.text.numbers import number, quantity
+from grader.web.text.numbers import write_number, write_quantity
 from grader.web.verdict.evidence import Claim, Limit, Run
 from grader.web.verdict.svg import Axis, Drawing, Sketch, estimate_width
 
@@ -50,7 +50,7 @@ def plot_stability(claims: Sequence[Claim], limits: Mapping[str, Limit], runs: S
     zones = "tinted is stable for ever, hatched grows" if known else "what the runs at the ends of your brackets show"
     caption = f"{f'{case}: {zones}' if case else zones.capitalize()}. The bold bar is your claim."
     if known:
-        horizon = quantity(claims[0].horizon_s, "s")
+        horizon = write_quantity(claims[0].horizon_s, "s")
         caption += (
             f" A run of {horizon} may still look stable a little above its limit, and a bracket there is right as well."
         )
@@ -119,7 +119,7 @@ def describe_claim(row: Row) -> str:
     claim = row.claim.claim_ms
     if claim is None:
         return "None" if row.claim.said_none else "nothing readable"
-    return f"{number(claim[0])} to {quantity(claim[1], 'ms')}"
+    return f"{write_number(claim[0])} to {write_quantity(claim[1], 'ms')}"
 
 
 def describe_limit(row: Row) -> str:
@@ -127,8 +127,8 @@ def describe_limit(row: Row) -> str:
     if row.limit is None:
         return ""
     if row.limit.linear_ms is None:
-        return f"no limit up to {quantity(row.claim.search_ms[1], 'ms')}"
-    return quantity(row.limit.linear_ms, "ms")
+        return f"no limit up to {write_quantity(row.claim.search_ms[1], 'ms')}"
+    return write_quantity(row.limit.linear_ms, "ms")
 
 
 def make_table(rows: Sequence[Row]) -> tuple[tuple[str, ...], ...]:
@@ -139,7 +139,7 @@ def make_table(rows: Sequence[Row]) -> tuple[tuple[str, ...], ...]:
     body = [(row.claim.integrator, describe_claim(row), words[row.ends[0]], words[row.ends[1]]) for row in rows]
     if not known:
         return (head, *body)
-    horizon = quantity(rows[0].claim.horizon_s, "s")
+    horizon = write_quantity(rows[0].claim.horizon_s, "s")
     more = [(describe_limit(row), describe_limit_within(row)) for row in rows]
     whole = ((*one, *two) for one, two in zip(body, more, strict=True))
     return ((*head, "Linear stability limit", f"Limit within {horizon}"), *whole)
@@ -149,7 +149,7 @@ def describe_limit_within(row: Row) -> str:
     """Words the limit within the horizon."""
     if row.limit is None:
         return ""
-    return "none" if row.limit.within_ms is None else quantity(row.limit.within_ms, "ms")
+    return "none" if row.limit.within_ms is None else write_quantity(row.limit.within_ms, "ms")
 
 
 def draw(rows: Sequence[Row], spring: float | None, width: float) -> Drawing:
@@ -162,7 +162,7 @@ def draw(rows: Sequence[Row], spring: float | None, width: float) -> Drawing:
     bottom = TOP + ROW * len(rows) - 6
     if spring is not None and low < spring < high:
         x = axis.at(spring)
-        limit = quantity(spring, "ms")
+        limit = write_quantity(spring, "ms")
         words = f"spring alone: {limit}" if width < NARROW else f"2/ω = {limit}: the spring alone"
         picture.line("reference", x, TOP - 8, x, bottom)
         picture.text(words, x, TOP - 14, anchor="middle")
@@ -233,7 +233,7 @@ def draw_limit(picture: Drawing, row: Row, axis: Axis, y: float, bound: float | 
 def draw_span(picture: Drawing, row: Row, axis: Axis, y: float) -> None:
     """Both limits, for ever and within the horizon: a bracket that meets the span between them is right."""
     assert row.limit is not None
-    late = f"within {quantity(row.claim.horizon_s, 's')} {quantity(row.limit.within_ms, 'ms')}"
+    late = f"within {write_quantity(row.claim.horizon_s, 's')} {write_quantity(row.limit.within_ms, 'ms')}"
     for value, words, anchor in (
         (row.limit.linear_ms, describe_limit(row), "end"),
         (row.limit.within_ms, late, "start"),

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from html import escape
 
-from grader.web.text.numbers import number, power
+from grader.web.text.numbers import write_number, write_power
 
 Point = tuple[float, float]
 
@@ -47,8 +47,8 @@ class Axis:
         """Returns a tick as it is written."""
         exponent = math.log10(value) if self.log and value > 0 else 0.5
         if self.log and (self.high / self.low > 1e3 or value < 1e-3) and abs(exponent - round(exponent)) < 1e-9:
-            return f"10{power(round(exponent))}"
-        return number(value)
+            return f"10{write_power(round(exponent))}"
+        return write_number(value)
 
 
 def list_round_steps(low: float, high: float, about: int) -> list[float]:

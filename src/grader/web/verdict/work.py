@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.answering.access import LearnerAccess, describe_progress_at, read_access
 from grader.courses.people.identity import Identity
-from grader.courses.rules.policy import Shown, redact_json, spoken
+from grader.courses.rules.policy import Shown, format_moment, redact_json
 from grader.courses.rules.progress import Compared, describe_progress
 from grader.domain.policy import Policy
 from grader.domain.verdict import Status
@@ -21,7 +21,7 @@ from grader.store.reviewing import line_comments
 from grader.store.reviewing.line_comments import Commented
 from grader.store.submissions import Mark, SubmissionFilter
 from grader.store.tables import Result, Submission
-from grader.web.text.numbers import points
+from grader.web.text.numbers import write_points
 from grader.web.text.statuses import NOT_ANSWERED, QUEUED, RUNNING, STATUSES, Badge, describe_status
 
 ATTEMPTS_MAX = 12
@@ -166,11 +166,11 @@ def read_work(session: Session, library: Library, who: Identity, quizzes: Sequen
     """Returns the newest answer and the result at every question of some quizzes."""
     access = read_access(session, library, who)
     named = {quiz.id for quiz in quizzes}
-    rows = [row for row in submissions.newest(session, who.course, who.id) if row.quiz in named]
+    rows = [row for row in submissions.find_newest(session, who.course, who.id) if row.quiz in named]
     newest = {
         (row.quiz, row.question): given for row, given in zip(rows, read_answers(session, access, rows), strict=True)
     }
-    found = results.everywhere(session, who.course, who.id)
+    found = results.find_everywhere(session, who.course, who.id)
     places = {}
     for quiz in quizzes:
         for question in quiz.questions:
@@ -210,7 +210,7 @@ def list_attempts(
         comment.submission for comment in work.places[quiz, question].commented if comment.submission not in listed
     ]
     if commented:
-        rows += sorted(submissions.several(session, commented), key=lambda row: row.id, reverse=True)
+        rows += sorted(submissions.get_several(session, commented), key=lambda row: row.id, reverse=True)
     return compare_attempts(read_answers(session, work.access, rows))
 
 
@@ -228,7 +228,7 @@ def compare_attempts(attempts: Sequence[Given]) -> list[Given]:
 
 def read_answers(session: Session, access: LearnerAccess, rows: Sequence[Submission]) -> list[Given]:
     """Stored answers as the learner may see them now."""
-    verdicts, marks = submissions.verdicts(session, rows), submissions.last_marks(session, rows)
+    verdicts, marks = submissions.read_verdicts(session, rows), submissions.last_marks(session, rows)
     given = [read_answer(access, row, verdicts.get(row.id), marks.get(row.id)) for row in rows]
     scripts = [attempt.id for attempt in given if attempt.is_script and attempt.withheld is None]
     comments = read_comments(session, scripts)
@@ -256,14 +256,14 @@ def describe_regrade(before: Mark, after: Mark) -> str:
     """Says that a verdict replaced another; empty where the first one only left it to a person."""
     if before.status == Status.NEEDS_REVIEW or after.cause not in AGAIN:
         return ""
-    said = AGAIN[after.cause].format(when=spoken(after.at))
-    worth = f"of {points(after.max_points)}"
+    said = AGAIN[after.cause].format(when=format_moment(after.at))
+    worth = f"of {write_points(after.max_points)}"
     if after.status == Status.NEEDS_REVIEW:
-        return f"{said}: an instructor will decide; before, it had {points(before.points)} {worth}."
+        return f"{said}: an instructor will decide; before, it had {write_points(before.points)} {worth}."
     if (before.points, before.max_points) == (after.points, after.max_points):
-        return f"{said}: the points stay {points(after.points)} {worth}."
-    earlier = f"of {points(before.max_points)}"
-    return f"{said}: {points(after.points)} {worth} now, {points(before.points)} {earlier} before."
+        return f"{said}: the points stay {write_points(after.points)} {worth}."
+    earlier = f"of {write_points(before.max_points)}"
+    return f"{said}: {write_points(after.points)} {worth} now, {write_points(before.points)} {earlier} before."
 
 
 def read_in_full(row: Submission, verdict: Any | None) -> Given:

@@ -70,7 +70,7 @@ def enrol(
 def plan_changes(session: Session, by: Identity | None, course: str, file: str, entries: Sequence[Entry]) -> _Plan:
     """Says what a roster would change, and what cannot be."""
     enters_anybody = not is_restricted(by)
-    known = people.everybody(session, course)
+    known = people.list_members(session, course)
     by_account = {member.account: member for member in known if member.account is not None}
     by_id = {member.id: member for member in known}
     plan = _Plan()
@@ -142,14 +142,14 @@ def list_roster(session: Session, course: str) -> list[Entry]:
     """Returns the students and instructors of a course, as a roster in our own form: whom a name finds has no id."""
     return [
         make_entry(member, None if is_named(member) else known_as(member))
-        for member in people.enrolled(session, course)
+        for member in people.list_enrolled(session, course)
     ]
 
 
 def list_roster_with_ids(session: Session, course: str, namespace: str) -> list[Entry]:
     """As `roster_of`, each with an id: that of the namespace, else ours."""
     entries = []
-    for member in people.enrolled(session, course):
+    for member in people.list_enrolled(session, course):
         known = known_as(member)
         entries.append(make_entry(member, known if known.namespace == namespace else External(OWN, member.id)))
     return entries

@@ -21,7 +21,7 @@ from grader.courses.people.rosters.roster import (
     read_name,
     require_columns,
 )
-from grader.courses.rules.csv_cells import guarded, lines
+from grader.courses.rules.csv_cells import guard, write_lines
 from grader.errors import Fault, FaultyRows, Unprocessable
 
 USERS, ENROLLMENTS, MANIFEST = "users.csv", "enrollments.csv", "manifest.csv"
@@ -153,7 +153,7 @@ def write_zip(entries: Iterable[Entry], course: str) -> bytes:
         for name, rows in files.items():
             member = zipfile.ZipInfo(name)  # of no day: the same roster gives the same file, and the same ETag
             member.external_attr = 0o644 << 16
-            text = "".join(lines([guarded(cell) for cell in row] for row in rows))
+            text = "".join(write_lines([guard(cell) for cell in row] for row in rows))
             packed.writestr(member, text, zipfile.ZIP_DEFLATED)
     return made.getvalue()
 

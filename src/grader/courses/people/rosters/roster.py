@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
-from grader.courses.people.external import OWN, External, checked
+from grader.courses.people.external import OWN, External, check_external
 from grader.courses.people.identity import Role, checked_name
-from grader.courses.rules.csv_cells import guarded, lines, unguarded
+from grader.courses.rules.csv_cells import guard, unguard, write_lines
 from grader.errors import Fault, FaultyRows, Unprocessable
 from grader.store.tables import EMAIL
 
@@ -52,7 +52,7 @@ class Line:
 
     def get(self, column: str) -> str:
         """Returns the text of a cell, empty if the column is missing; a guard against formulas is taken off."""
-        return unguarded(self.cells.get(column, "").strip())
+        return unguard(self.cells.get(column, "").strip())
 
     def fault(self, column: str, why: str) -> Fault:
         """Says what is wrong with one cell."""
@@ -188,7 +188,7 @@ def read_external(namespace: str, external_id: str, note: Note) -> External | No
     if namespace == OWN:
         return External(OWN, external_id)
     try:
-        return checked(namespace, external_id)
+        return check_external(namespace, external_id)
     except Unprocessable as error:
         note("external_id", str(error))
         return None
@@ -198,4 +198,4 @@ def write_roster(entries: Iterable[Entry]) -> Iterator[str]:
     """Returns the lines of a roster in our own form, which `read_roster` reads back."""
     everybody = ((entry, entry.external or External("", "")) for entry in entries)
     rows = ((entry.name, entry.email or "", entry.role.value, as_.namespace, as_.id) for entry, as_ in everybody)
-    return lines(chain([COLUMNS], ([guarded(cell) for cell in row] for row in rows)))
+    return write_lines(chain([COLUMNS], ([guard(cell) for cell in row] for row in rows)))

@@ -20,7 +20,7 @@ from grader.questions.parts import (
     json_or_text,
     typed_for,
 )
-from grader.questions.question import Question, distinct
+from grader.questions.question import Question, check_distinct
 
 UNTOUCHED = "Choose a partner for each text first."
 SHIFTED = "Your partners are shifted by one line: each belongs to the line {where} the one where you put it."
@@ -31,7 +31,7 @@ Pair = tuple[PartText, PartText]
 
 
 def _distinct_lefts(pairs: tuple[Pair, ...]) -> tuple[Pair, ...]:
-    distinct([left for left, _ in pairs])
+    check_distinct([left for left, _ in pairs])
     return pairs
 
 

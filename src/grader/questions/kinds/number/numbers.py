@@ -77,12 +77,12 @@ def read_number(text: str) -> TypedNumber:
     if match := IN_PARENTHESES.match(text):
         inner = read_number(match[2].strip())
         if inner.rest:
-            raise unreadable(text, text, f"{quoted(text)} does not begin with a number")
+            raise build_refusal(text, text, f"{quoted(text)} does not begin with a number")
         first = TypedNumber(-inner.value if match[1] == "-" else inner.value, text[match.end() :].strip())
         return multiply(first, text)
     match = NUMBER.match(text)
     if match is None or not (match["mantissa"] or match["power"] or match["whole"] or match["pi"]):
-        raise unreadable(text, text, f"{quoted(text)} does not begin with a number")
+        raise build_refusal(text, text, f"{quoted(text)} does not begin with a number")
     return multiply(TypedNumber(_value_of(match, text), text[match.end() :].strip()), text)
 
 
@@ -93,11 +93,11 @@ def multiply(first: TypedNumber, text: str) -> TypedNumber:
     if not FACTOR.match(rest):
         return first
     if LOST_POWER.search(text) or DATE.search(text):
-        raise unreadable(text, rest, f"{quoted(text)} is a calculation")
+        raise build_refusal(text, rest, f"{quoted(text)} is a calculation")
     for _ in range(FACTORS_MAX):
         sign = FACTOR.match(rest)
         if sign is None:
-            return TypedNumber(finite(value, text), rest)
+            return TypedNumber(check_finite(value, text), rest)
         match = IN_PARENTHESES.match(rest, sign.end()) or NUMBER.match(rest, sign.end())
         factor = _read_factor(match, text)
         if sign[1] == "/" and factor == 0:
@@ -123,7 +123,7 @@ def not_one_number(text: str) -> InvalidAnswer:
     return InvalidAnswer(f"{quoted(text)} is a bound or a range: type one number.")
 
 
-def unreadable(text: str, rest: str, otherwise: str) -> InvalidAnswer:
+def build_refusal(text: str, rest: str, otherwise: str) -> InvalidAnswer:
     """Build the refusal of a text whose `rest` cannot be read; gives the likeliest reason, by default `otherwise`."""
     scanned = rest if rest == text else f"1{rest}"  # the number before it is one operand
     if LOST_POWER.search(scanned):
@@ -151,7 +151,7 @@ def _value_of(match: re.Match[str], text: str) -> float:
         if float(match["over"]) == 0:
             raise InvalidAnswer(f"{quoted(text)} divides by zero: type a finite number.")
         value /= float(match["over"])
-    return finite(-value if match["sign"] == "-" else value, text)
+    return check_finite(-value if match["sign"] == "-" else value, text)
 
 
 def _mixed(match: re.Match[str], text: str) -> float:
@@ -191,7 +191,7 @@ def _not_one_literal(text: str) -> InvalidAnswer:
     )
 
 
-def finite(value: float, text: str) -> float:
+def check_finite(value: float, text: str) -> float:
     """Return the value itself. Raises InvalidAnswer where it is not finite."""
     if math.isnan(value):
         raise InvalidAnswer(f"{quoted(text)} is not a finite number: type a finite number.")

@@ -11,10 +11,10 @@ from grader.errors import InvalidAnswer
 from grader.questions.kinds.number.numbers import (
     CALCULATION,
     RANGE,
-    finite,
+    build_refusal,
+    check_finite,
     not_one_number,
     read_number,
-    unreadable,
 )
 from grader.questions.kinds.number.phrases import (
     NON_BREAKING,
@@ -240,7 +240,7 @@ def _is_formula(text: str, *, named: bool) -> bool:
 def sides(text: str) -> tuple[bool, list[str]]:
     """Split `h < 0.005 s = 5 ms` at its signs and drop the names; also tell whether there was a name. Raises
     InvalidAnswer for a bound or a range."""
-    text = unwrapped(text)
+    text = unwrap(text)
     pieces = [piece.strip() for piece in RELATION.split(IS.sub("=", _without_hedge(text)))]  # value, sign, ..., value
     if len(pieces) > 1 and pieces[0] and not pieces[-1]:
         raise InvalidAnswer(f"{quoted(text)} ends with a sign: type one number.")
@@ -252,7 +252,7 @@ def sides(text: str) -> tuple[bool, list[str]]:
         first += 2
     if not all(_is_equal(sign) for sign in pieces[first + 1 :: 2]):
         raise not_one_number(text)
-    return any(pieces[:first:2]), [_without_hedge(unwrapped(piece)) for piece in pieces[first::2]]
+    return any(pieces[:first:2]), [_without_hedge(unwrap(piece)) for piece in pieces[first::2]]
 
 
 def _is_equal(sign: str) -> bool:
@@ -267,7 +267,7 @@ def _without_hedge(text: str) -> str:
     return HEDGE_AFTER.sub("", text)
 
 
-def unwrapped(text: str) -> str:
+def unwrap(text: str) -> str:
     """Drop parentheses, quotes or asterisks around the whole text. Raises InvalidAnswer where they may hold an
     interval."""
     for _ in range(WRAPPINGS_MAX):
@@ -286,7 +286,7 @@ def unwrapped(text: str) -> str:
 
 def _as_float(answer: float) -> float:
     try:
-        return finite(float(answer), str(answer)[:50])
+        return check_finite(float(answer), str(answer)[:50])
     except (OverflowError, ValueError) as error:
         raise InvalidAnswer("The number is too large: type a finite number.") from error
 
@@ -312,7 +312,7 @@ def _read_side(text: str, shown: str) -> Quantity:
         if (apart := METRES_PER.sub("m s", name)) != name:
             with suppress(InvalidAnswer):
                 return replace(_convert(number.value, apart, shown), digits=digits)
-        raise unreadable(text, number.rest, str(error)) from error
+        raise build_refusal(text, number.rest, str(error)) from error
 
 
 def count_digits(text: str) -> int:
@@ -328,7 +328,7 @@ def _convert(number: float, name: str, shown: str) -> Quantity:
     wanted = known_unit(shown) if shown else NO_UNIT
     if wanted is None:
         raise InvalidAnswer(f"{quoted(name)} is not what is counted")
-    return Quantity(finite(convert(number, typed, wanted), f"{number:g} {name}"), number, typed, shown)
+    return Quantity(check_finite(convert(number, typed, wanted), f"{number:g} {name}"), number, typed, shown)
 
 
 def _require_proportion(typed: Unit) -> None:

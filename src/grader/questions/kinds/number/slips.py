@@ -10,7 +10,7 @@ from grader.domain.verdict import Finding
 from grader.errors import InvalidAnswer
 from grader.questions.answer_keys import NumberKey
 from grader.questions.kinds.number.quantities import Quantity, format_number
-from grader.questions.kinds.number.units import FAMILIES, Unit, convert, from_base_units, known_unit, symbols
+from grader.questions.kinds.number.units import FAMILIES, Unit, convert, from_base_units, known_unit, write_symbols
 
 DECADES_MAX = 12
 BROADEST_TOLERANCE = 0.1
@@ -124,7 +124,7 @@ def _neighbours(wanted: Unit) -> tuple[tuple[Unit, float, float], ...]:
         for family in FAMILIES:
             for other in family if name in family else ():
                 powers = (*wanted.powers[:place], (other, power), *wanted.powers[place + 1 :])
-                units.append(Unit(symbols(powers), powers))
+                units.append(Unit(write_symbols(powers), powers))
     return tuple((unit, *scale) for unit in units if (scale := _scale(unit, wanted)) is not None)
 
 

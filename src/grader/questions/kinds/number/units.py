@@ -103,7 +103,7 @@ class Unit:
         """The same unit for pint's conversions."""
         from pint.util import UnitsContainer
 
-        return registry().Unit(UnitsContainer(dict(self.powers)))
+        return get_registry().Unit(UnitsContainer(dict(self.powers)))
 
     @property
     def words(self) -> str:
@@ -118,7 +118,7 @@ class Unit:
     @cached_property
     def radians(self) -> float:
         """The power of an angle in the unit: 1 for radians, degrees and turns, and for rpm, which contains a turn."""
-        _, root = registry().get_root_units(self.quantity)
+        _, root = get_registry().get_root_units(self.quantity)
         return float(str(root._units.get("radian", 0)))
 
     @property
@@ -136,7 +136,7 @@ class Unit:
         return Rotation.CYCLES if any(name.endswith("hertz") for name, _ in self.powers) else Rotation.NONE
 
 
-def registry() -> "pint.UnitRegistry[Any]":
+def get_registry() -> "pint.UnitRegistry[Any]":
     """Return the one registry of this process: pint does not mix units of two registries."""
     with _lock:
         return _build_registry()
@@ -207,7 +207,7 @@ def look_up(name: str) -> str:
 
     for candidate in (name, name.lower()) if len(name) > 3 else (name,):
         try:
-            full_name = registry().get_name(candidate)
+            full_name = get_registry().get_name(candidate)
         except PintError:  # unknown, or a prefix before a temperature
             continue
         if full_name and not full_name.endswith(LOGARITHMIC):
@@ -221,7 +221,7 @@ def suggest_unit(name: str) -> str:
     return f" (did you mean {similar[0].replace('_', ' ')}?)" if similar else ""
 
 
-def symbols(powers: Powers) -> str:
+def write_symbols(powers: Powers) -> str:
     """Write powers of units as `N·m/rad`, in their order."""
     over = [_symbol(name, power) for name, power in powers if power > 0]
     under = [_symbol(name, -power) for name, power in powers if power < 0]
@@ -230,7 +230,7 @@ def symbols(powers: Powers) -> str:
 
 def _symbol(name: str, power: int) -> str:
     # Pint 0.26, which needs Python 3.12, writes micro as a Greek letter; 0.25 as a sign of its own.
-    symbol = str(registry().get_symbol(name)).replace("\u03bc", "\u00b5")
+    symbol = str(get_registry().get_symbol(name)).replace("\u03bc", "\u00b5")
     return symbol if power == 1 else f"{symbol}^{power}"
 
 
@@ -274,7 +274,7 @@ def _find_factor(given: Unit, wanted: Unit) -> float | None:
 
 
 def _convert_with_pint(value: float, given: Unit, wanted: Unit) -> float:
-    return float(registry().Quantity(value, given.quantity).to(wanted.quantity).magnitude)
+    return float(get_registry().Quantity(value, given.quantity).to(wanted.quantity).magnitude)
 
 
 def from_base_units(value: float, wanted: Unit) -> float:
@@ -285,5 +285,5 @@ def from_base_units(value: float, wanted: Unit) -> float:
 @lru_cache(maxsize=1024)
 def find_base_unit(unit: Unit) -> Unit:
     """The unit of the same kind in base units."""
-    base: Any = registry().get_root_units(unit.quantity)[1]
+    base: Any = get_registry().get_root_units(unit.quantity)[1]
     return Unit(str(base), tuple(base._units.items()))

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import Query, Request
 from fastapi.responses import Response
 
-from grader.courses.reviewing.blinding import blinded
+from grader.courses.reviewing.blinding import hide_names
 from grader.errors import NotFound
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
@@ -31,7 +31,7 @@ def reel(
     with services.database.read() as session:
         wanted = SubmissionFilter(who.course, quiz=quiz_id, question=question_id, learner=learner)
         rows = submissions.page(session, wanted, None, REEL_MAX)
-        seen = blinded(desk, session, who, rows, submissions.verdicts(session, rows))
+        seen = hide_names(desk, session, who, rows, submissions.read_verdicts(session, rows))
     open_rows = [row for row in rows if row.id not in seen.names]
     if not open_rows:
         raise NotFound(NO_ATTEMPT)

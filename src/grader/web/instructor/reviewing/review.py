@@ -15,9 +15,9 @@ from grader.courses.answering.access import read_access
 from grader.courses.people.identity import Identity, Role
 from grader.courses.people.namesakes import marks_in
 from grader.courses.reviewing import comments, reviews
-from grader.courses.reviewing.blinding import blinded
+from grader.courses.reviewing.blinding import hide_names
 from grader.courses.reviewing.desk import Desk
-from grader.courses.rules.policy import spoken
+from grader.courses.rules.policy import format_moment
 from grader.courses.rules.rubric import Mark
 from grader.domain.verdict import NO_COMMENT, REVIEW
 from grader.errors import CallerError, NotFound, Outdated, Unprocessable
@@ -150,7 +150,7 @@ def claim_next(at: Sitting, **query: str) -> RedirectResponse:
 def find_first(at: Sitting, session: Session) -> Submission | None:
     """Returns the answer of a list that has waited longest, if one waits."""
     if at.chosen.which == DIFFER:
-        differ = stored.disagreements(session, at.chosen.wanted(at.who), None, 1)
+        differ = stored.list_disagreements(session, at.chosen.wanted(at.who), None, 1)
         return differ[0][0] if differ else None
     try:
         return reviews.next_to_claim(session, at.chosen.queue(at.desk, session, at.who), at.who)
@@ -258,7 +258,7 @@ def render(
     desk, who = at.desk, at.who
     with at.services.database.read() as session:
         row = get_submission(session, who, submission_id)
-        seen = blinded(desk, session, who, [row], submissions.verdicts(session, [row]))
+        seen = hide_names(desk, session, who, [row], submissions.read_verdicts(session, [row]))
         given = read_in_full(row, seen.verdicts.get(row.id))
         written = read_comments(session, [row.id]).get(row.id, [])
         claim, review = stored.claim_on(session, row.id, now()), stored.review_of(session, row.id)
@@ -304,7 +304,7 @@ def describe_visibility(at: Sitting, submission_id: str) -> str:
     if decision.withheld is None:
         return "The learner can see it now."
     if access.policies[row.quiz].feedback == "after_due" and decision.closes is not None:
-        return f"The learner can see it after {spoken(decision.closes)}."
+        return f"The learner can see it after {format_moment(decision.closes)}."
     return "The learner can see it once the feedback of the quiz is published, on the page Extensions."
 
 

@@ -13,9 +13,9 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
-from grader.courses.people.namesakes import marked, marks_in
+from grader.courses.people.namesakes import mark_name, marks_in
 from grader.courses.reviewing import reviews
-from grader.courses.reviewing.blinding import blinded
+from grader.courses.reviewing.blinding import hide_names
 from grader.courses.reviewing.desk import Desk
 from grader.domain.verdict import Status
 from grader.gate.late_routes import page_router
@@ -29,7 +29,7 @@ from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import page
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.moments import format_day
-from grader.web.text.numbers import span
+from grader.web.text.numbers import write_span
 from grader.web.text.questions import describe_quiz, list_titles
 from grader.web.text.statuses import QUEUED, RUNNING, Badge, describe_status
 
@@ -131,7 +131,7 @@ def show(
 def list_rows(desk: Desk, session: Session, who: Identity, chosen: Chosen, after: str | None) -> tuple[list[Row], bool]:
     """Returns one answer more than a page has, beginning after the id `after`; and whether a name lifted pseudonyms."""
     found, claims = find_answers(desk, session, who, chosen, after)
-    seen = blinded(desk, session, who, found, submissions.verdicts(session, found), always=chosen.which != ALL)
+    seen = hide_names(desk, session, who, found, submissions.read_verdicts(session, found), always=chosen.which != ALL)
     looked_up = chosen.which == ALL and bool(chosen.user and seen.names)  # who asks by name knows whose it is
     names, titles = {} if looked_up else seen.names, list_titles(desk.library)
     marks = marks_in(session, who.course)
@@ -156,7 +156,7 @@ def find_answers(
         return submissions.page(session, chosen.wanted(who), after, ROWS + 1), {}
     if chosen.which == DIFFER:
         wanted = replace(chosen.wanted(who), user=None)  # a name would tell whose answers they are
-        return [submission for submission, _ in stored.disagreements(session, wanted, after, ROWS + 1)], {}
+        return [submission for submission, _ in stored.list_disagreements(session, wanted, after, ROWS + 1)], {}
     waiting = stored.page(session, chosen.queue(desk, session, who), after, ROWS + 1, now())
     return [submission for submission, _ in waiting], {
         submission.id: claim for submission, claim in waiting if claim is not None
@@ -165,7 +165,7 @@ def find_answers(
 
 def name_learner(submission: Submission, names: Mapping[str, str], marks: Mapping[str, str]) -> str:
     """Whose answer it is: a pseudonym of `names`, or the name with its mark."""
-    return names[submission.id] if submission.id in names else marked(submission.user, submission.learner, marks)
+    return names[submission.id] if submission.id in names else mark_name(submission.user, submission.learner, marks)
 
 
 def name_holder(claim: ReviewClaim | None, who: Identity) -> tuple[str, bool]:
@@ -183,7 +183,7 @@ def make_row(
     title = titles.get((submission.quiz, submission.question), submission.question)
     return Row(
         submission.id, learner, submission.quiz, title, shorten_answer(submission),
-        format_day(submission.created_at), span((now() - submission.created_at).total_seconds()), badge,
+        format_day(submission.created_at), write_span((now() - submission.created_at).total_seconds()), badge,
         (verdict["points"], verdict["max_points"]) if decided else None, *held, submission.status == NEEDS_REVIEW,
     )  # fmt: skip
 

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from grader.courses.answering.intake import NewAnswer
 from grader.courses.people.identity import Identity
 from grader.courses.people.namesakes import marks_in
-from grader.courses.reviewing.blinding import blinded
+from grader.courses.reviewing.blinding import hide_names
 from grader.courses.reviewing.line_comments import delete_comment, read_source, write_comment
 from grader.errors import CallerError, NotFound, Unprocessable
 from grader.gate.late_routes import page_router
@@ -140,12 +140,12 @@ def render_try(
     with services.database.read() as session:
         row = get_submission(session, who, submission_id)
         source = read_source(row)
-        seen = blinded(desk, session, who, [row], submissions.verdicts(session, [row]))
+        seen = hide_names(desk, session, who, [row], submissions.read_verdicts(session, [row]))
         learner = name_learner(row, seen.names, marks_in(session, who.course))
         original = build_card(read_in_full(row, seen.verdicts.get(row.id)))
         copies = line_comments.copies_of(session, row.id, who.id)[:COPIES]
         chosen = find_copy(session, copies, copy)
-        verdicts = {} if chosen is None else submissions.verdicts(session, [chosen])
+        verdicts = {} if chosen is None else submissions.read_verdicts(session, [chosen])
     if chosen is not None and typed is None:
         typed = str(json.loads(chosen.answer)["source"]) if chosen.answer else ""
     context: dict[str, Any] = {
