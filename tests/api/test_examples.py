@@ -292,7 +292,7 @@ def record_platforms(scene: Scene) -> None:
     scene.record(tina, "POST /lti/registrations", 201)
     with joined.database.write() as session:
         [row] = platforms.find_registered(session, joined.platform.origin, joined.platform.client_id)
-        context = platforms.context_at(session, row.id, joined.platform.deployment_id, "context-1", "Robotics")
+        context = platforms.get_context(session, row.id, joined.platform.deployment_id, "context-1", "Robotics")
         session.flush()
         rules.link(session, None, context.id, DEFAULT_COURSE)
         context_id = context.id

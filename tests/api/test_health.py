@@ -24,7 +24,7 @@ from grader.service import opening
 from grader.service.worker import build_graders
 from grader.settings import Settings
 from grader.store.engine.database import Database
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import make_id
 from support.databases import BACKENDS, database_url
 from support.sites import Site
 
@@ -169,9 +169,9 @@ def test_workers_of_other_processes_count_and_those_of_other_schemas_do_not(tmp_
 
 def test_the_queue_is_counted_by_topic_with_its_oldest_job(idle: tuple[Database, Worker]) -> None:
     database, _ = idle
-    early = f"{int(new_id()[:12], 16) - 90_000:012x}" + "0" * 20
+    early = f"{int(make_id()[:12], 16) - 90_000:012x}" + "0" * 20
     with database.write() as session:
-        for topic, subject in ((jobs.GRADE, early), (jobs.GRADE, new_id()), (jobs.REGRADE, "not an id of ours")):
+        for topic, subject in ((jobs.GRADE, early), (jobs.GRADE, make_id()), (jobs.REGRADE, "not an id of ours")):
             jobs.put(session, topic, subject, share="ann")
     with database.write() as session:
         assert jobs.claim(session, 1, (jobs.REGRADE,))

@@ -13,11 +13,11 @@ import pytest
 from sqlalchemy import delete, update
 from sqlalchemy.exc import DBAPIError
 
-from grader.courses.people.identity import Scope, checked_name
+from grader.courses.people.identity import Scope, check_name
 from grader.courses.people.tokens import create_token
 from grader.errors import Unprocessable
 from grader.gate import openid
-from grader.gate.scopes import scope_of
+from grader.gate.scopes import find_scope
 from grader.platforms.launching import launch
 from grader.service.accounts import in_database, tell_addresses
 from grader.settings import Settings
@@ -238,7 +238,7 @@ def test_every_route_has_a_scope(nobody: httpx.Client) -> None:
     for path, operations in paths.items():
         if path.startswith(f"{API}/"):
             for method in operations:
-                scope = scope_of(method.upper(), path.removeprefix(API))
+                scope = find_scope(method.upper(), path.removeprefix(API))
                 is_beyond = path.startswith(UNRESTRICTED) or (method, path) == ("patch", f"{API}/members/{{member_id}}")
                 assert (scope is None) == is_beyond, (method, path)
 
@@ -387,15 +387,15 @@ def test_what_is_no_lifetime(text: str) -> None:
 def test_a_name_has_nothing_invisible(name: str) -> None:
     """With it two names would look the same."""
     with pytest.raises(Unprocessable):
-        checked_name("learner", name)
-    assert checked_name("learner", "Zoë Ğ अनीता 山田") == "Zoë Ğ अनीता 山田"
+        check_name("learner", name)
+    assert check_name("learner", "Zoë Ğ अनीता 山田") == "Zoë Ğ अनीता 山田"
 
 
-@pytest.mark.parametrize("name_in", [launch.name_in, openid.name_in])
+@pytest.mark.parametrize("name_in", [launch.read_name, openid.read_name])
 def test_a_name_that_another_system_sends_is_cleaned(name_in: Callable[[dict[str, str]], str]) -> None:
     """Refusing it would lock its bearer out."""
     found = name_in({"name": "A\u034fnn\u3164 \u202eLee\u200b"})
-    assert checked_name("learner", found) == found == "Ann Lee"
+    assert check_name("learner", found) == found == "Ann Lee"
 
 
 def test_the_command_line_says_who_is_new(tmp_path: Path) -> None:

@@ -68,7 +68,7 @@ def mark(site: Site, submission_id: str, deeds: list[tuple[str, Any]]) -> None:
         with desk.database.write() as session:
             submission = session.get_one(Submission, submission_id)
             desk.hold(session, submission)
-            kept = stored.review_of(session, submission_id)
+            kept = stored.find_review(session, submission_id)
             if given_mark is None:
                 reviews.claim(session, who, submission)
                 reviews.release(session, who, submission)

@@ -13,7 +13,7 @@ from sqlalchemy import select, update
 
 import grader
 from grader.courses.people import invitations, members, sign_in
-from grader.courses.people.identity import Identity, Kind, Role, Scope, identity_of, issue
+from grader.courses.people.identity import Identity, Kind, Role, Scope, issue, read_identity
 from grader.courses.people.tokens import create_token
 from grader.courses.sending import webhooks
 from grader.errors import Unauthorized
@@ -278,7 +278,7 @@ def ended(site: Site) -> Identity:
         issue(session, Kind.TOKEN, member)
         session.flush()
         credential = session.scalars(select(Credential).where(Credential.member == member.id)).one()
-        who = identity_of(credential)
+        who = read_identity(credential)
         credential.revoked_at = now()
     return who
 

@@ -12,7 +12,7 @@ import pytest
 from sqlalchemy import delete, select
 
 from grader.api.learning import events
-from grader.courses.people.identity import identity_of
+from grader.courses.people.identity import read_identity
 from grader.domain.progress import ignore_progress
 from grader.domain.verdict import Status, Verdict
 from grader.errors import JailFault
@@ -156,7 +156,7 @@ def test_a_verdict_that_is_committed_while_events_are_read_is_told_with_its_subm
     with services.database.write() as session:
         submission = session.get_one(Submission, submission_id)
         token = session.scalars(select(Credential).where(Credential.member == submission.learner)).one()
-        who = identity_of(token)
+        who = read_identity(token)
         submissions._add_event(session, submission_id, submissions.GRADED)
     told, over = events.read_events(events.Listener(services, who, submission_id, 0), 0)
     assert ([event.event for event in told], over) == ([submissions.QUEUED], False)

@@ -213,7 +213,7 @@ def test_who_is_no_instructor_any_more_enters_no_more(either_site: Site) -> None
     robots = made_by(tina)
     address = taught(tina)[robots]
     with database_of(either_site).write() as session:
-        member = people.with_account(session, robots, "name:tina")
+        member = people.find_with_account(session, robots, "name:tina")
         assert member is not None
         members.give_role(session, None, member, Role.STUDENT)
     assert robots not in taught(tina)

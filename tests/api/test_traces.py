@@ -117,7 +117,7 @@ def a_named_learner(site: Site, tina: httpx.Client) -> Learner:
         destination = Destination(course="default", kind=WEBHOOK, quiz=ALL, question=ALL, created_by="tina")
         session.add_all((row, destination))
         session.flush()
-        context = platforms.context_at(session, row.id, "d", "c", "Robotics")
+        context = platforms.get_context(session, row.id, "d", "c", "Robotics")
         session.flush()
         platforms.enrol(session, context.id, "telltalesubject", member)
         session.add(

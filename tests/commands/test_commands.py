@@ -312,13 +312,13 @@ def test_an_extension_is_given_and_taken_back(tmp_path: Path) -> None:
         return grader("extend", "1.3-check", "--user", "ada", "--data", str(tmp_path), *options)
 
     def ada(session: Session) -> str:
-        member = people.with_account(session, DEFAULT_COURSE, "name:ada")
+        member = people.find_with_account(session, DEFAULT_COURSE, "name:ada")
         assert member is not None
         return member.id
 
     def kept() -> dict[str, Extension]:
         with database.read() as session:
-            return extensions.of_learner(session, DEFAULT_COURSE, ada(session), ["1.3-check"])
+            return extensions.list_of_learner(session, DEFAULT_COURSE, ada(session), ["1.3-check"])
 
     given = extend("--attempts", "1", "--due", "2026-10-26T18:00+01:00")
     assert (given.returncode, json.loads(given.stdout)["attempts"]) == (0, 1)

@@ -42,7 +42,7 @@ from grader.store import extensions, results, submissions
 from grader.store import regrades as stored
 from grader.store.contents import EVERY, ContentFile
 from grader.store.engine.database import Database
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import make_id
 from grader.store.results import LearnerAt
 from grader.store.tables import ResultRevision, Submission, VerdictRow
 from support.databases import BACKENDS, database_url, open_database
@@ -102,7 +102,7 @@ class Course:
         parsed = pipeline.read("quiz", question, answer)
         verdict = pipeline.judge(parsed)
         submission = Submission(
-            id=new_id(), course=self.name, learner=learner, user=learner.title(), quiz="quiz", question=question,
+            id=make_id(), course=self.name, learner=learner, user=learner.title(), quiz="quiz", question=question,
             answer=parsed.text, content_digest=pipeline.library.digest("quiz"), attempt=1,
         )  # fmt: skip
         with self.database.write() as session:
@@ -116,7 +116,7 @@ class Course:
     def queue(self, learner: str, answer: Any) -> str:
         """As `hand_in`, before the verdict."""
         submission = Submission(
-            id=new_id(), course=self.name, learner=learner, user=learner, quiz="quiz", question="number",
+            id=make_id(), course=self.name, learner=learner, user=learner, quiz="quiz", question="number",
             answer=json.dumps(answer), content_digest="old", attempt=1,
         )  # fmt: skip
         with self.database.write() as session:
@@ -582,7 +582,7 @@ class Term(RuleBasedStateMachine):
     def check_what_counts(self, learner: str) -> None:
         key = LearnerAt(self.course.name, learner, "quiz", "number")
         with self.course.database.read() as session:
-            attempts = [counting.make_attempt(row) for row in results.attempts_of(session, key)]
+            attempts = [counting.make_attempt(row) for row in results.list_attempts(session, key)]
         found = count_points(attempts, self.course.content.library.quiz("quiz").default_policy, None)
         assert self.course.points(learner) == (found.points if attempts else None)
 

@@ -25,10 +25,10 @@ from grader.library import Library, load
 from grader.store import extensions, intake, results
 from grader.store.engine.bulk import insert_rows
 from grader.store.engine.database import Database
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import make_id
 from grader.store.intake import AnswerKeys, QuestionState
 from grader.store.results import LearnerAt
-from grader.store.submissions import values_of
+from grader.store.submissions import read_values
 from grader.store.tables import Member, Result, ResultRevision, Submission, now
 from support.databases import BACKENDS, open_database
 
@@ -70,7 +70,7 @@ def a_verdict(status: Status, points: float, diagnosis: str | None = None) -> Ve
 
 
 def an_answer(key: LearnerAt, attempt: int = 1) -> Submission:
-    return Submission(id=new_id(), **key._asdict(), user="Ann", answer="1", content_digest="d", attempt=attempt)
+    return Submission(id=make_id(), **key._asdict(), user="Ann", answer="1", content_digest="d", attempt=attempt)
 
 
 def states_at(session: Session, key: LearnerAt) -> dict[LearnerAt, QuestionState]:
@@ -180,10 +180,10 @@ def test_a_reader_of_the_feed_never_skips_a_late_committer(database: Database, l
     slow, quick = a_row(course, "slow"), a_row(course, "quick")
     slow.submission_id = quick.submission_id = made.id
     with database.write() as late:
-        insert_rows(late, (ResultRevision, [values_of(slow)]))
+        insert_rows(late, (ResultRevision, [read_values(slow)]))
         assert results.has_new(late, course)  # a query, before which the row is sent
         with database.write() as early:
-            insert_rows(early, (ResultRevision, [values_of(quick)]))
+            insert_rows(early, (ResultRevision, [read_values(quick)]))
         seen = the_feed(database, course, after=1)
         assert [row.learner for row in seen] == ["quick"]
     assert seen[-1].position is not None
@@ -265,7 +265,7 @@ class Learning(RuleBasedStateMachine):
         with self.database.write() as session:
             counting.grant(self.database, self.library, session, ann, self.key.quiz, granted=self.extension, by=None)
         with self.database.read() as session:
-            kept = extensions.of_learner(session, self.key.course, "ann", [self.key.quiz])
+            kept = extensions.list_of_learner(session, self.key.course, "ann", [self.key.quiz])
         assert kept == ({} if self.extension == Extension() else {self.key.quiz: self.extension})
 
     def attempt(self, made: Submission, verdict: Verdict | None) -> Attempt:

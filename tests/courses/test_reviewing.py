@@ -183,7 +183,7 @@ class Reviewing(RuleBasedStateMachine):
         expected = next(iter([*free, *own]), None)
         who = self.who(reviewer)
         with self.database.write() as session:
-            queue = reviews.queue_of(
+            queue = reviews.list_queue(
                 self.desk, session, SubmissionFilter(self.course, quiz=quiz), who.id if second else None
             )
             if expected is None:
@@ -287,7 +287,7 @@ class Reviewing(RuleBasedStateMachine):
             for reviewer in ("tina", "tom"):
                 for second in (False, True):
                     who = self.who(reviewer)
-                    queue = reviews.queue_of(
+                    queue = reviews.list_queue(
                         self.desk, session, SubmissionFilter(self.course), who.id if second else None
                     )
                     found = stored.page(session, queue, None, 100, self.clock)

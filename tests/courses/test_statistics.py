@@ -16,7 +16,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grader.courses.rules import statistics
-from grader.courses.rules.statistics import QuestionStatistics, Row, clusters_of, group_crash, mean_share, tallies_of
+from grader.courses.rules.statistics import (
+    QuestionStatistics,
+    Row,
+    find_clusters,
+    group_crash,
+    mean_share,
+    tally_answers,
+)
 from grader.domain.verdict import Status
 
 shares = st.lists(st.integers(0, 3).map(lambda n: n / 3), min_size=1, max_size=40)
@@ -32,7 +39,7 @@ def statistics_of(
     rows: Sequence[Row], tolerances: Mapping[str, Sequence[float]] | None = None
 ) -> tuple[QuestionStatistics, ...]:
     pieces = [rows[:5], rows[5:]]
-    return statistics.statistics_of(list(tallies_of(pieces, tolerances).values()))
+    return statistics.compute_statistics(list(tally_answers(pieces, tolerances).values()))
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=60))
@@ -173,7 +180,7 @@ def test_wrong_numbers_are_clustered_and_right_ones_are_not() -> None:
 def test_clusters_are_narrow_disjoint_and_independent_of_order(
     values: list[float], tolerance: float | None, chance: random.Random
 ) -> None:
-    found = clusters_of(values, tolerance)
+    found = find_clusters(values, tolerance)
     assert [cluster.learners for cluster in found] == sorted((cluster.learners for cluster in found), reverse=True)
     for cluster in found:
         assert cluster.learners >= 2
@@ -185,7 +192,7 @@ def test_clusters_are_narrow_disjoint_and_independent_of_order(
             assert any(cluster.low <= value <= cluster.high for cluster in found)
     shuffled = values.copy()
     chance.shuffle(shuffled)
-    assert clusters_of(shuffled, tolerance) == found
+    assert find_clusters(shuffled, tolerance) == found
 
 
 def test_two_rows_of_a_learner_at_a_question_are_refused() -> None:
@@ -247,7 +254,7 @@ def test_learners_who_answered_alike_are_counted_as_if_one_by_one(given_answers:
         expected = [
             replace(cluster, number=number)
             for number, values in enumerate(columns)
-            for cluster in clusters_of(values, 0.0 if name == "r" and number == 0 else None)
+            for cluster in find_clusters(values, 0.0 if name == "r" and number == 0 else None)
         ]
         assert list(told.clusters) == expected
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from exercises.conftest import model_xml, question, with_check
-from grader.domain.misread import without_remarks
+from grader.domain.misread import drop_remarks
 from grader.exercises import Case, Trial, compute_chance_of_luck, load_kinds, luck
 from grader.exercises.episodes.goals import bound_success
 from grader.exercises.kind import Content
@@ -97,7 +97,7 @@ def test_a_case_that_differs_in_labels_alone_is_drawn_only_where_it_matters(
     assert seen == drawn
 
 
-PARAMETERS = ThresholdParameters.model_validate(without_remarks(SERVO.check.parameters))
+PARAMETERS = ThresholdParameters.model_validate(drop_remarks(SERVO.check.parameters))
 HIDDEN = [(index, case) for index, case in enumerate(PARAMETERS.cases) if case.hidden]
 COMMENTS = 100
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from exercises.conftest import Grade, model_xml, question, with_check
-from grader.domain.misread import without_remarks
+from grader.domain.misread import drop_remarks
 from grader.domain.run import RunReport, RunStatus
 from grader.domain.verdict import Status, Verdict
 from grader.errors import NotFound
@@ -23,7 +23,7 @@ from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 
 SERVO = question("servo-threshold")
-PARAMETERS = ThresholdParameters.model_validate(without_remarks(SERVO.check.parameters))
+PARAMETERS = ThresholdParameters.model_validate(drop_remarks(SERVO.check.parameters))
 HIDDEN = [case.id for case in PARAMETERS.cases if case.hidden]
 LESSON = {"id": "lesson", "set": {"kp": 2000, "kv": 5}}
 

@@ -21,8 +21,8 @@ from grader.errors import (
     Unprocessable,
 )
 from grader.gate.admission import drop_escaped_cookies
-from grader.gate.problems import STATUS, problem_of
-from grader.gate.rate import RateLimit, address_of
+from grader.gate.problems import STATUS, describe_problem
+from grader.gate.rate import RateLimit, read_address
 from grader.service.accounts import revoke_tokens, sign_in_url
 from grader.settings import Settings
 from grader.store.engine.database import Database
@@ -194,7 +194,7 @@ def test_every_error_of_a_caller_has_one_status() -> None:
 
 def test_an_error_that_is_not_the_callers_has_no_problem_document() -> None:
     with pytest.raises(JailFault):
-        problem_of(JailFault("broken"))
+        describe_problem(JailFault("broken"))
 
 
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "[", "", "a b"])
@@ -289,7 +289,7 @@ def test_a_body_outside_the_api_counts_by_its_size(open_site_with: Callable[...,
     ],
 )
 def test_an_address_is_one_ipv4_address_or_one_ipv6_network(client: tuple[str, int] | None, key: str) -> None:
-    assert address_of({"type": "http", "client": client}) == key
+    assert read_address({"type": "http", "client": client}) == key
 
 
 @pytest.mark.parametrize(("trusted", "statuses"), [((), [200, 429]), (("127.0.0.0/8",), [200, 200])])

@@ -20,7 +20,7 @@ from grader.courses.people.rosters.roster import read_roster
 from grader.courses.rules.csv_cells import FORMULA
 from grader.domain.lab import LabConfig
 from grader.errors import GraderError
-from grader.gate.admission import drop_escaped_cookies, origin_of
+from grader.gate.admission import drop_escaped_cookies, read_origin
 from grader.grading.pipeline import to_canonical_json
 from grader.labs.controls import choose_values
 from grader.questions import read_answer
@@ -143,7 +143,7 @@ RULES: dict[str, tuple[Callable[[Any], Any], dict[str, Make]]] = {
         {unit: repeated(unit, 'a="', '"') for unit in ["\\", "\\1", "\\012", ";", "=", ";a=", '"', " "]},
     ),
     "origin": (
-        origin_of,
+        read_origin,
         {unit: repeated(unit, "http://") for unit in ["a", ":", "[", "1:", "@", "[::", "/", "%", "é"]},
     ),
     "form": (parse_qs, {unit: repeated(unit) for unit in ["a=1&", "&", "%", "%41", "=", "a=+"]}),

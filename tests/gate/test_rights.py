@@ -29,7 +29,7 @@ from grader.settings import Settings
 from grader.store import credentials, tickets
 from grader.store.engine.database import Database
 from grader.store.outbox import DEAD, Delivery, Destination
-from grader.store.platforms import context_at
+from grader.store.platforms import get_context
 from grader.store.reviewing.line_comments import LineComment
 from grader.store.tables import now
 from grader.web.routes import router as page_router
@@ -242,7 +242,7 @@ def prepare_things(world: World) -> None:
     [ids["token_id"]] = [item["id"] for item in tina.get(f"{PREFIX}/tokens").json()["items"] if item["name"] == "bot"]
     with world.database.write() as session:
         session.get_one(Destination, ids["webhook_id"]).disabled_at = now()
-        context = context_at(session, int(ids["platform_id"]), "deployment", "context", "Robotics")
+        context = get_context(session, int(ids["platform_id"]), "deployment", "context", "Robotics")
         context.wanted = DEFAULT_COURSE
         dead = [dead_letter(world, question) for question in ("q1", "q2")]
         of = {"course": DEFAULT_COURSE, "submission_id": ids["submission_id"]}
@@ -253,7 +253,7 @@ def prepare_things(world: World) -> None:
         tickets.change(
             session,
             devices.DEVICE,
-            tickets.hash_of(device.device_code),
+            tickets.hash_secret(device.device_code),
             member=ids["bot"],
             course=DEFAULT_COURSE,
             role=Role.STUDENT,

@@ -13,7 +13,7 @@ from grader.courses.sending.outbox import send_scores
 from grader.domain.verdict import Status, Verdict, apply_review
 from grader.grading.content import Contents
 from grader.store.engine.database import Database
-from grader.store.results import of_learner
+from grader.store.results import find_of_learner
 from grader.store.tables import Credential, Member, Submission
 
 COURSE = "robots"
@@ -67,7 +67,7 @@ class Class:
     def points(self, who: Identity) -> float:
         """What counts for a learner in the quiz."""
         with self.database.read() as session:
-            found = of_learner(session, COURSE, who.id, "small")
+            found = find_of_learner(session, COURSE, who.id, "small")
         return sum(result.points for result in found.values())
 
 

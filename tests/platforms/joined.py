@@ -38,7 +38,7 @@ class Joined:
         other = replace(self, course=f"course-{name}", context=f"context-{name}")
         with self.database.write() as session:
             [row] = platforms.find_registered(session, self.platform.origin, self.platform.client_id)
-            context = platforms.context_at(session, row.id, self.platform.deployment_id, other.context, "Robotics")
+            context = platforms.get_context(session, row.id, self.platform.deployment_id, other.context, "Robotics")
             session.flush()
             rules.link(session, None, context.id, other.course)
         return other

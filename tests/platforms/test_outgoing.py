@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.domain.addresses import RefusedURL, endpoint_of, refuse_address
+from grader.domain.addresses import RefusedURL, refuse_address, resolve_endpoint
 from grader.platforms.sending.outgoing import Address, Outgoing, Response, Unreachable
 from platforms.certificates import contexts
 from platforms.receivers import HERE, Answer, Asked, receiving
@@ -112,7 +112,7 @@ def test_a_name_with_one_address_inside_is_refused(address: str) -> None:
 
 @pytest.mark.parametrize("url", ["https://93.184.215.14/", "https://[2606:4700::1111]:8443/a?b", "https://a-b.example"])
 def test_public_urls_are_allowed(url: str) -> None:
-    endpoint_of(url)
+    resolve_endpoint(url)
 
 
 @given(st.ip_addresses(v=4))

@@ -24,10 +24,10 @@ from grader.grading.content import Contents
 from grader.grading.pipeline import Retries
 from grader.platforms.sending.access_tokens import AccessTokens
 from grader.platforms.sending.delivering import Delivering
-from grader.platforms.sending.line_items import LINE_ITEM, READ_LINE_ITEM, READ_RESULT, SCORE, with_path
+from grader.platforms.sending.line_items import LINE_ITEM, READ_LINE_ITEM, READ_RESULT, SCORE, add_path
 from grader.platforms.sending.outgoing import Outgoing, Response
 from grader.platforms.sending.replies import RETRY_MAX_S, Again, Dead, retry_after_s
-from grader.platforms.sending.score import PlatformResult, Score, score_of
+from grader.platforms.sending.score import PlatformResult, Score, compute_score
 from grader.platforms.sending.scores import TRIED_MAX, is_contested
 from grader.queue import jobs
 from grader.queue.worker import JobOutcome, Worker
@@ -506,7 +506,7 @@ def test_tenants_of_one_issuer_have_tokens_of_their_own() -> None:
     with simulated(MOODLE) as one, simulated(MOODLE, client_id="client-2") as two:
         tokens = AccessTokens(Outgoing([HERE]), sign)
         for platform in (one, two, one, two):
-            asked = tokens.request(platform.platform, [SCORE], "GET", with_path(platform.container, ""), headers={})
+            asked = tokens.request(platform.platform, [SCORE], "GET", add_path(platform.container, ""), headers={})
             assert asyncio.run(asked).status == 200
         assert (len(one.token_requests), len(two.token_requests)) == (1, 1)
 
@@ -794,7 +794,7 @@ def test_a_token_url_that_leads_inside_is_a_dead_letter(make: MakeCourse) -> Non
     ],
 )  # fmt: skip
 def test_query_strings_of_line_items_stay(url: str, part: str, query: dict[str, str], expected: str) -> None:
-    assert with_path(url, part, **query) == expected
+    assert add_path(url, part, **query) == expected
 
 
 def result(points: float, is_final: bool = True, max_points: float = 2.0) -> Result:
@@ -803,17 +803,17 @@ def result(points: float, is_final: bool = True, max_points: float = 2.0) -> Res
 
 def test_the_score_of_results() -> None:
     worth = {"q1": 2.0, "q2": 1.0}
-    assert score_of({}, worth, "") is None
-    assert score_of({"q1": result(1.5)}, worth, "") == Score(1.5, 3.0, "InProgress", "FullyGraded")
+    assert compute_score({}, worth, "") is None
+    assert compute_score({"q1": result(1.5)}, worth, "") == Score(1.5, 3.0, "InProgress", "FullyGraded")
     both = {"q1": result(1.5), "q2": result(0.0, is_final=False)}
-    assert score_of(both, worth, "") == Score(1.5, 3.0, "Submitted", "PendingManual")
-    assert score_of(both, worth, "q1") == Score(1.5, 2.0, "Completed", "FullyGraded")
-    assert score_of(both, worth, "q2") == Score(None, 1.0, "Submitted", "PendingManual")
-    assert score_of(both, {}, "q1") == Score(1.5, 2.0, "Completed", "FullyGraded")  # gone from the content
-    assert score_of({"old": result(1)}, worth, "") is None
-    assert score_of({"q1": result(1, max_points=0)}, {"q1": 0.0}, "q1") is None
+    assert compute_score(both, worth, "") == Score(1.5, 3.0, "Submitted", "PendingManual")
+    assert compute_score(both, worth, "q1") == Score(1.5, 2.0, "Completed", "FullyGraded")
+    assert compute_score(both, worth, "q2") == Score(None, 1.0, "Submitted", "PendingManual")
+    assert compute_score(both, {}, "q1") == Score(1.5, 2.0, "Completed", "FullyGraded")  # gone from the content
+    assert compute_score({"old": result(1)}, worth, "") is None
+    assert compute_score({"q1": result(1, max_points=0)}, {"q1": 0.0}, "q1") is None
     tenths = {f"q{number}": result(0.1) for number in range(3)}
-    assert score_of(tenths, dict.fromkeys(tenths, 0.1), "") == Score(0.3, 0.3, "Completed", "FullyGraded")
+    assert compute_score(tenths, dict.fromkeys(tenths, 0.1), "") == Score(0.3, 0.3, "Completed", "FullyGraded")
 
 
 def test_scores_are_compared_as_a_platform_has_scaled_them() -> None:

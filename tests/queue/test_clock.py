@@ -18,7 +18,7 @@ from grader.queue.worker import Worker
 from grader.service.worker import GradingTask
 from grader.store import submissions
 from grader.store.engine.database import Database
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import make_id
 from grader.store.tables import Submission, VerdictRow
 from support.databases import database_url
 
@@ -48,7 +48,7 @@ def url(tmp_path: Path) -> Iterator[str]:
 
 def hand_in(database: Database, number: int) -> str:
     submission = Submission(
-        id=new_id(), course="c", learner=f"user{number}", user=f"user{number}", quiz="quiz", question="q",
+        id=make_id(), course="c", learner=f"user{number}", user=f"user{number}", quiz="quiz", question="q",
         answer="{}", content_digest="d", attempt=1,
     )  # fmt: skip
     with database.write() as session:

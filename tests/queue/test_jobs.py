@@ -24,12 +24,12 @@ from grader.queue import jobs
 from grader.queue.jobs import Claim, JobRow
 from grader.queue.owners import PostgresOwner, SqliteOwner, build_owner
 from grader.queue.worker import Worker
-from grader.service.deliveries import deliveries_of
+from grader.service.deliveries import build_deliveries
 from grader.service.worker import GradingTask, Judge, make_fault, make_grade, run_worker
 from grader.settings import Settings
 from grader.store import submissions
 from grader.store.engine.database import Database
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import make_id
 from grader.store.tables import Submission
 
 OTHER = 1
@@ -41,7 +41,7 @@ OUR_FAULT = Verdict(status=Status.GRADER_FAULT, points=0.0, max_points=1.0)
 
 def hand_in(database: Database, user: str = "ann") -> str:
     submission = Submission(
-        id=new_id(),
+        id=make_id(),
         course="c",
         learner=user,
         user=user,
@@ -427,7 +427,7 @@ def test_a_worker_killed_in_the_middle_loses_nothing(database: Database, url: st
 def test_the_jobs_of_a_living_owner_stay_its_own(database: Database) -> None:
     if database.is_sqlite:
         with pytest.raises(Unprocessable, match="GRADER_DATABASE_URL"):
-            run_worker(Settings(database_url=str(database.engine.url)), deliveries_of)
+            run_worker(Settings(database_url=str(database.engine.url)), build_deliveries)
         return
     submission_id = hand_in(database)
     first, second = PostgresOwner(database), PostgresOwner(database)

@@ -77,7 +77,7 @@ def test_the_verdicts_are_those_of_the_judge_and_nothing_is_mixed(tmp_path: Path
         assert {(result.learner, result.question) for result in results} == {
             (row.learner, row.question) for row in rows
         }
-        assert policies.of_course(session, "default").keys() == {"1.3-check", "1.3-exercises"}
+        assert policies.read_of_course(session, "default").keys() == {"1.3-check", "1.3-exercises"}
         names = set(session.scalars(select(Member.name)))
     assert len(names) == 3 and "instructor" in names
     one = next(row for row in scripts if row.outcome == Status.PARTIAL or row.outcome == Status.INCORRECT)

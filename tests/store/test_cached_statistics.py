@@ -14,7 +14,7 @@ from grader.courses.reporting.quiz_statistics import QuizStatistics, Statistics,
 from grader.courses.rules.statistics import (
     QuestionStatistics,
     Row,
-    clusters_of,
+    find_clusters,
     group_crash,
     item_rest,
     mean_share,
@@ -116,7 +116,7 @@ def count_question(rows: list[Row], points: Mapping[str, float], max_points: Map
         mean_share([float(row.first_status == "correct") for row in rows]),
         item_rest(np.array(shares), rest, max_rest),
         dict(sorted(options.items())),
-        clusters_of(wrong),
+        find_clusters(wrong),
         dict(sorted(mistakes.items(), key=lambda mistake: (-mistake[1], mistake[0]))),
     )
 
@@ -126,7 +126,7 @@ def test_statistics_are_bit_for_bit_those_of_rows_counted_one_by_one(database: D
     without, hidden = frozenset([COURSE.learner(0)]), frozenset([(COURSE.learner(1), "q2")])
     computed = Statistics(database).compute(Version(COURSE.name, QUIZ, "digest", without, hidden, (1, 1)))
     with database.read() as session:
-        rows = [Row(*row) for rows in results.of_quiz(session, COURSE.name, COURSE.quiz) for row in rows]
+        rows = [Row(*row) for rows in results.iterate_of_quiz(session, COURSE.name, COURSE.quiz) for row in rows]
     seen = [row for row in rows if row.learner not in without and row[:2] not in hidden]
     assert computed == count_one_by_one(seen)
     assert all(question.discrimination and question.clusters and question.mistakes for question in computed.questions)

@@ -11,12 +11,12 @@ from grader.courses.people.identity import Role
 from grader.domain.verdict import Status, Verdict
 from grader.store import submissions
 from grader.store.engine.database import Database
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import make_id
 from grader.store.reviewing import line_comments
 from grader.store.reviewing.line_comments import LineComment, TriedCopy
 from grader.store.tables import ERASED, Member, Submission
 from grader.store.upkeep import erasure
-from grader.store.upkeep.holdings import holdings_of
+from grader.store.upkeep.holdings import gather_holdings
 
 THEN = datetime(2026, 9, 1, 12, tzinfo=UTC)
 VERDICT = Verdict(status=Status.INCORRECT, points=0, max_points=1, diagnosis="Line 1: SECRET", stdout="SECRET")
@@ -24,7 +24,7 @@ VERDICT = Verdict(status=Status.INCORRECT, points=0, max_points=1, diagnosis="Li
 
 def hand_in(member: Member, source: str) -> Submission:
     return submissions.make(
-        id=new_id(), course=member.course, learner=member.id, user=member.name, quiz="z", question="q",
+        id=make_id(), course=member.course, learner=member.id, user=member.name, quiz="z", question="q",
         answer=json.dumps({"source": source}), seed=7, content_digest="d", attempt=1,
     )  # fmt: skip
 
@@ -47,9 +47,9 @@ def test_comments_are_exported_and_erased_with_the_learner_and_copies_are_emptie
         assert [
             submission.line for submission in line_comments.on_submissions(session, [ids["hers"]])[ids["hers"]]
         ] == [None, 1, 2]
-        assert line_comments.copies_of(session, ids["hers"], ids["tina"]) == [ids["copy"]]
-        assert line_comments.copies_of(session, ids["hers"], ids["ann"]) == []
-        held = holdings_of(session, session.get_one(Member, ids["ann"]))
+        assert line_comments.list_copies(session, ids["hers"], ids["tina"]) == [ids["copy"]]
+        assert line_comments.list_copies(session, ids["hers"], ids["ann"]) == []
+        held = gather_holdings(session, session.get_one(Member, ids["ann"]))
         assert [comment["text"] for comment in held["submissions"][0]["line_comments"]] == ["on None", "on 1", "on 2"]
     with database.write() as session:
         erasure.erase(session, session.get_one(Member, ids["ann"]))
@@ -57,7 +57,7 @@ def test_comments_are_exported_and_erased_with_the_learner_and_copies_are_emptie
         assert [comment.submission_id for comment in session.scalars(select(LineComment))] == [ids["his"]]
         emptied = session.get_one(Submission, ids["copy"])
         assert (emptied.answer, emptied.seed) == (ERASED, None)
-        verdicts = submissions.verdicts_of(session, [ids["copy"], ids["own"]])
+        verdicts = submissions.read_verdicts_by_id(session, [ids["copy"], ids["own"]])
         assert "SECRET" not in json.dumps(verdicts[ids["copy"]])
         assert verdicts[ids["own"]]["stdout"] == "SECRET"  # the instructor's own script is no copy
     database.close()

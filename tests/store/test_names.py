@@ -28,7 +28,7 @@ def database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 def test_they_are_sorted_as_a_reader_expects(database: Database) -> None:
     with database.read() as session:
-        sorted_names = [member.name for member in people.by_name(session, "c", 0, 100)]
+        sorted_names = [member.name for member in people.list_by_name(session, "c", 0, 100)]
     latin = [name for name in sorted_names if name not in ("Øre", "Жанна", "a/b")]
     assert latin == ["ada", "Ångström", "Émile", "Eva 50%", "eva_1", "Zoë"]
 
@@ -51,7 +51,7 @@ def test_they_are_sorted_as_a_reader_expects(database: Database) -> None:
 )
 def test_they_are_found(database: Database, part: str, found: set[str]) -> None:
     with database.read() as session:
-        assert {member.name for member in people.without_results(session, "c", ["quiz"], part)} == found
+        assert {member.name for member in people.list_without_results(session, "c", ["quiz"], part)} == found
         assert set(session.scalars(select(Member.name).where(holds(Member.name, part)))) == found
 
 

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from grader.store import results
 from grader.store.engine.database import Database
 from grader.store.results import ORDERS, SHOWS, Ranking
-from grader.store.reviewing.reviews import WAITING, unseen_marks
+from grader.store.reviewing.reviews import WAITING, list_unseen
 from grader.store.tables import Member, Result, Review
 from support.databases import BACKENDS, open_database
 from support.seeding import Course, seed
@@ -48,7 +48,7 @@ def scramble(session: Session, chance: random.Random) -> None:
 def from_scratch(session: Session, wanted: Ranking) -> list[tuple[str, str]]:
     """Every learner who is wanted, in order: reads all results and members, and sorts here."""
     names = {member.id: member.name for member in session.scalars(select(Member))}
-    unseen = {tuple(row[1:]) for row in unseen_marks(session, wanted.course, wanted.reviewer)}
+    unseen = {tuple(row[1:]) for row in list_unseen(session, wanted.course, wanted.reviewer)}
     unseen = unseen if wanted.reviewer else set()
     theirs: dict[str, list[Result]] = defaultdict(list)
     for one in session.scalars(select(Result)):
@@ -101,7 +101,7 @@ def test_sums_by_quiz_are_those_of_a_computation_from_scratch(database: Database
     learners = [COURSE.learner(number) for number in range(COURSE.learners)]
     wanted = Ranking(COURSE.name, [COURSE.quiz, "of nobody"], COURSE.questions, reviewer=reviewer)
     with database.read() as session:
-        unseen = {(row.learner, row.question) for row in unseen_marks(session, COURSE.name, reviewer)}
+        unseen = {(row.learner, row.question) for row in list_unseen(session, COURSE.name, reviewer)}
         theirs: dict[str, list[Result]] = defaultdict(list)
         for one in session.scalars(select(Result)):
             theirs[one.learner].append(one)

@@ -20,7 +20,7 @@ from grader.queue.jobs import QueueBase
 from grader.store import contents, courses, line_items, outbox, platforms, policies, regrades, submissions, tickets
 from grader.store.engine import database as store_database
 from grader.store.engine.database import Database
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import make_id
 from grader.store.reviewing import line_comments
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Base, Member, Submission, VerdictRow
@@ -36,7 +36,7 @@ def database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Databas
 
 def an_answer(user: str = "ann", question: str = "q1", course: str = "c") -> Submission:
     return Submission(
-        id=new_id(),
+        id=make_id(),
         course=course,
         learner=user,
         user=user,
@@ -189,7 +189,7 @@ def test_attempts_count_what_is_queued_but_not_what_could_not_be_read_or_graded(
     with database.read() as session:
         expected = {("quiz", "q1"): Progress(2, 1, solved=False), ("quiz", "q2"): Progress(1, 0, solved=True)}
         assert submissions.compute_progress(session, "c", "ann") == expected
-        assert submissions.progress_at(session, "c", "ann", "quiz", "q1") == expected["quiz", "q1"]
+        assert submissions.compute_progress_at(session, "c", "ann", "quiz", "q1") == expected["quiz", "q1"]
         assert submissions.count_pending(session, SubmissionFilter("c", learner="ann")) == 1
 
 
@@ -222,7 +222,7 @@ def test_named_locks_make_writers_wait_for_each_other(database: Database) -> Non
         barrier.wait()
         with database.write() as session:
             database.lock(session, "ann")
-            used = submissions.progress_at(session, "c", "ann", "quiz", "q1").used
+            used = submissions.compute_progress_at(session, "c", "ann", "quiz", "q1").used
             submission = an_answer()
             submission.attempt = used + 1
             submissions.add(session, [(submission, None)])
@@ -244,7 +244,7 @@ def test_a_database_has_one_secret_even_for_processes_that_start_together(databa
 
 
 def test_ids_sort_by_time_and_differ() -> None:
-    ids = [new_id() for _ in range(1000)]
+    ids = [make_id() for _ in range(1000)]
     assert len(set(ids)) == 1000
     assert all(len(each) == 32 for each in ids)
     assert ids == sorted(ids)

@@ -19,7 +19,7 @@ from grader.service.accounts import in_database
 from grader.service.demo import fill_demo
 from grader.settings import Settings
 from grader.store import submissions
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import make_id
 from grader.store.reviewing.line_comments import LineComment, TriedCopy
 from grader.store.tables import Member, Submission, VerdictRow, now
 from web.browsing import LYING_ON_OTHERS, Chromium, findings, service
@@ -92,7 +92,7 @@ def test_every_dot_leads_to_its_answer_and_every_mistake_to_its_learners(desk: P
     claims = in_database(
         settings,
         lambda session: len({
-            row.learner for row, body in submissions.graded_at(
+            row.learner for row, body in submissions.list_graded(
                 session, submissions.SubmissionFilter("default", question="servo-threshold"), (), 1000
             ) if '"case":"lesson.Euler"' in body
         }),
@@ -291,7 +291,7 @@ def test_a_comment_on_an_earlier_attempt_is_told_where_the_learner_goes_on(
 @contextmanager
 def fill_with_attempts(settings: Settings, script: str, count: int) -> Iterator[None]:
     """The learner hands in the same script several times more."""
-    ids = [new_id() for _ in range(count)]
+    ids = [make_id() for _ in range(count)]
 
     def insert(session: Session) -> None:
         row = session.execute(select(*Submission.__table__.columns).where(Submission.id == script)).one()

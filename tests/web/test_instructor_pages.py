@@ -247,7 +247,7 @@ def test_learners_of_one_name_are_told_apart_wherever_they_are_named(site: Site,
     for account in ("oidc:1", "oidc:2"):
         kim = site.anonymous({"Origin": site.origin, "Sec-Fetch-Site": "same-origin"})
         with site.app.state.services.database.write() as session:
-            member = members.with_account(session, account, "Kim", Role.STUDENT, site.course or "")
+            member = members.get_with_account(session, account, "Kim", Role.STUDENT, site.course or "")
             code = invite_member(session, None, member).code
             kim.cookies.set(COOKIE, redeem_sign_in_code(session, code).secret)
             ids[member.id] = ""
@@ -322,7 +322,7 @@ def test_several_learners_get_an_extension_at_once_or_none_does(site: Site, tina
     ids = {name: answer(site.client(name), "2-graded", "which", 0)["learner"] for name in ("ann", "bob", "cem")}
     with site.app.state.services.database.write() as session:
         for account in ("oidc:1", "oidc:2"):
-            last = members.with_account(session, account, "Kim", Role.STUDENT, site.course or "").id
+            last = members.get_with_account(session, account, "Kim", Role.STUDENT, site.course or "").id
     address, wanted = "/instructor/extensions", {"quiz": "2-graded", "attempts": "2"}
     kept = f"{API}/quizzes/2-graded/extensions"
     for names, why in (("ann\nAnn", "Ann: no learner"), ("bob\nKim", "Kim: 2 learners have this name"), ("", "Tick")):

@@ -61,7 +61,7 @@ class Page(ResponseBody, Generic[Item]):
 PageParams = Annotated[PageQuery, Query()]
 
 
-def page_of(items: list[dict[str, Any]], query: CursorQuery, path: str, response: Response) -> dict[str, Any]:
+def build_page(items: list[dict[str, Any]], query: CursorQuery, path: str, response: Response) -> dict[str, Any]:
     """The body of a page, and its `Link` header. `items` are one more than the limit if there is a next page."""
     if len(items) <= query.limit:
         return {"items": items, "next_cursor": None}

@@ -52,9 +52,9 @@ def add(
 ) -> None:
     """Register a platform, which then waits for `grader lti approve`, and print its number."""
     from grader.courses.people import platforms as rules
-    from grader.platforms.administration import registration_of
+    from grader.platforms.administration import read_registration
 
-    registration = registration_of({
+    registration = read_registration({
         "name": name, "issuer": issuer, "client_id": client_id, "login_url": login_url, "token_url": token_url,
         "keys_url": keys_url, "token_audience": token_audience, "origins": frame_origin,
     })  # fmt: skip
@@ -65,10 +65,10 @@ def add(
 @lti.command("list")
 def list_(data: Data = None, as_json: Json = False) -> None:
     """List the platforms with their deployments, and the courses there with those that they are linked with."""
-    from grader.platforms.administration import contexts_of, platforms_of
+    from grader.platforms.administration import list_contexts, list_platforms
 
     with begin_transaction(data) as session:
-        shown: dict[str, Any] = {"platforms": platforms_of(session), "contexts": contexts_of(session)}
+        shown: dict[str, Any] = {"platforms": list_platforms(session), "contexts": list_contexts(session)}
     if as_json:
         print(json.dumps(shown, indent=2))
         return
@@ -156,10 +156,10 @@ def roster(context: int, data: Data = None) -> None:
     """Pull the members of a platform's course into the linked course, and print how many there are."""
     require_lti()
     from grader.platforms.administration import pull_roster
-    from grader.service.app import tool_of
+    from grader.service.app import build_tool
 
     with open_database(data) as database:
-        tool = tool_of(read_settings(data=data), database)
+        tool = build_tool(read_settings(data=data), database)
         assert tool is not None  # it is installed
         pulled = asyncio.run(pull_roster(database, tool.authorized, None, context))
     print(f"{pulled.members} members, {pulled.removed} others whom an instructor had removed")

@@ -24,7 +24,7 @@ def serve(
 @cli.command()
 def worker(data: Data = None) -> None:
     """Run one more grading worker on the database of a server."""
-    from grader.service.deliveries import deliveries_of
+    from grader.service.deliveries import build_deliveries
     from grader.service.worker import run_worker
 
-    run_worker(read_settings(data=data), deliveries_of)
+    run_worker(read_settings(data=data), build_deliveries)

@@ -36,7 +36,7 @@ class Endpoint:
     """Whether the operator has allowed the host, wherever it is."""
 
 
-def endpoint_of(url: str, private_hosts: Collection[str] = ()) -> Endpoint:
+def resolve_endpoint(url: str, private_hosts: Collection[str] = ()) -> Endpoint:
     """Where a URL leads. Hosts in `private_hosts` may be private, and may use http. Raises RefusedURL."""
     if len(url) > LENGTH or not url.isascii() or not url.isprintable() or " " in url or "\\" in url:
         raise RefusedURL(f"A URL has at most {LENGTH} characters of ASCII, and neither blanks nor backslashes.")

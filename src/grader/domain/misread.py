@@ -14,11 +14,11 @@ KnownKeys = Callable[[Sequence[str]], Iterable[str]]
 """Returns the keys that are allowed beside a key, by the names in pydantic's location of it."""
 
 
-def without_remarks(value: Any) -> Any:
+def drop_remarks(value: Any) -> Any:
     """Returns a JSON value without the keys that begin with `x-`, at any depth."""
     if isinstance(value, Mapping):
-        return {name: without_remarks(item) for name, item in value.items() if not name.startswith("x-")}
-    return [without_remarks(item) for item in value] if isinstance(value, list | tuple) else value
+        return {name: drop_remarks(item) for name, item in value.items() if not name.startswith("x-")}
+    return [drop_remarks(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def explain_misread(
@@ -34,13 +34,13 @@ def explain_misread(
             continue
         if detail["type"] == "too_short" and any(loc == other["loc"][: len(loc)] != other["loc"] for other in details):
             continue
-        place = tuple(place_in(raw, detail))
+        place = tuple(locate(raw, detail))
         if place not in reported:
             reported.add(place)
-            yield place, reason_of(detail, known_keys, choices)
+            yield place, explain_reason(detail, known_keys, choices)
 
 
-def place_in(raw: Any, detail: ErrorDetails) -> Iterator[str | int]:
+def locate(raw: Any, detail: ErrorDetails) -> Iterator[str | int]:
     """Yields the steps of pydantic's location that are keys or indices of the JSON, not names of classes."""
     loc = detail["loc"]
     for step in loc:
@@ -54,7 +54,7 @@ def place_in(raw: Any, detail: ErrorDetails) -> Iterator[str | int]:
         yield "type" if "controls" in loc else detail["ctx"]["discriminator"].strip("'")
 
 
-def reason_of(detail: ErrorDetails, known_keys: KnownKeys, choices: Mapping[str, str]) -> str:
+def explain_reason(detail: ErrorDetails, known_keys: KnownKeys, choices: Mapping[str, str]) -> str:
     """Returns what is wrong with a value, and how to correct it."""
     match detail["type"]:
         case "missing":

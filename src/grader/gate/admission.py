@@ -16,9 +16,9 @@ from grader.courses.people.identity import Scope as TokenScope
 from grader.errors import CallerError, Forbidden, Unauthorized, Unprocessable
 from grader.gate.compression import CompressionMiddleware
 from grader.gate.conditional import ConditionalMiddleware
-from grader.gate.problems import problem, problem_of
-from grader.gate.rate import RateLimit, address_of
-from grader.gate.scopes import scope_of
+from grader.gate.problems import describe_problem, problem
+from grader.gate.rate import RateLimit, read_address
+from grader.gate.scopes import find_scope
 from grader.store.engine.database import Database
 
 PREFIX = "/api/v1"
@@ -93,7 +93,7 @@ class AdmissionMiddleware:
         try:
             await self._admit(scope, headers)
         except CallerError as error:
-            await problem_of(error)(scope, receive, send)
+            await describe_problem(error)(scope, receive, send)
             return
         app = self.documents if scope["method"] == "GET" else self.app
         await app(scope, self._limit_body(scope, headers, receive), send)
@@ -107,17 +107,17 @@ class AdmissionMiddleware:
         try:
             identity = await self._identify(scope, headers)
         except Unauthorized:
-            self.rules.by_address.spend(address_of(scope), cost_of(scope, headers))
+            self.rules.by_address.spend(read_address(scope), count_cost(scope, headers))
             if is_api(scope) and scope["path"] not in DEVICES:
                 raise
             identity = None
         else:
             if not counts_by_learner(scope, identity):
-                self.rules.by_user.spend(identity.id, cost_of(scope, headers))
+                self.rules.by_user.spend(identity.id, count_cost(scope, headers))
         if is_forgeable(scope, headers, identity) and not self._is_same_origin(scope, headers):
             raise Forbidden("A browser may send this from the service's own pages only.")
         if identity is not None and identity.scopes is not None and is_api(scope):
-            identity.require_scope(scope_of(scope["method"], scope["path"].removeprefix(PREFIX)))
+            identity.require_scope(find_scope(scope["method"], scope["path"].removeprefix(PREFIX)))
         if "\0" in scope["path"] or b"%00" in scope["query_string"]:  # PostgreSQL keeps no NUL, and looks for none
             raise Unprocessable("An address has no character NUL.")
         scope.setdefault("state", {})["identity"] = identity
@@ -141,7 +141,7 @@ class AdmissionMiddleware:
         if site is not None:
             return site == "same-origin"
         own = self.rules.origin or f"{scope['scheme']}://{headers.get('host')}"
-        return origin_of(headers.get("origin", "")) == origin_of(own)
+        return read_origin(headers.get("origin", "")) == read_origin(own)
 
     def _find_bytes_max(self, scope: Scope) -> int:
         """Returns the largest body that is taken at a path."""
@@ -209,7 +209,7 @@ async def authenticate_again(scope: Scope, database: Database) -> None:
     await run_in_threadpool(authenticate, database, request.headers.get("authorization"), request.cookies)
 
 
-def cost_of(scope: Scope, headers: Headers) -> int:
+def count_cost(scope: Scope, headers: Headers) -> int:
     """How many requests this one counts as: outside /api/v1 one more for each KB of its body, or 16 KB of an answer."""
     if is_api(scope):
         return 1
@@ -234,7 +234,7 @@ def hostname_of(host: str) -> str | None:
         return None
 
 
-def origin_of(url: str) -> tuple[str, str | None, int | None] | None:
+def read_origin(url: str) -> tuple[str, str | None, int | None] | None:
     """Scheme, host and port of a URL; None if it has none."""
     try:
         parts = urlsplit(url)
@@ -252,7 +252,7 @@ def drop_escaped_cookies(scope: Scope) -> None:
     ]
 
 
-def identity_in(scope: Scope) -> Identity:
+def get_identity(scope: Scope) -> Identity:
     """The identity of an admitted API request."""
     identity: Identity = scope["state"]["identity"]
     return identity

@@ -6,39 +6,39 @@ from fastapi import APIRouter, Depends, Header, Request, Security
 from fastapi.security import HTTPBearer
 
 from grader.courses.people.identity import Identity, Role
-from grader.gate.admission import PREFIX, identity_in
+from grader.gate.admission import PREFIX, get_identity
 from grader.gate.late_routes import LateRoute
 
 
 async def anybody(request: Request) -> Identity:
     """Returns the caller, in any role."""
-    return identity_in(request.scope)
+    return get_identity(request.scope)
 
 
 async def learner(request: Request) -> Identity:
     """Returns a caller who may answer: a student, or an instructor who tries the questions. Raises Forbidden."""
-    identity = identity_in(request.scope)
+    identity = get_identity(request.scope)
     identity.require(Role.STUDENT, Role.INSTRUCTOR)
     return identity
 
 
 async def instructor(request: Request) -> Identity:
     """Returns a caller who is an instructor. Raises Forbidden."""
-    identity = identity_in(request.scope)
+    identity = get_identity(request.scope)
     identity.require(Role.INSTRUCTOR)
     return identity
 
 
 async def service(request: Request) -> Identity:
     """Returns a caller that is another service, such as an LMS. Raises Forbidden."""
-    identity = identity_in(request.scope)
+    identity = get_identity(request.scope)
     identity.require(Role.SERVICE)
     return identity
 
 
 async def staff(request: Request) -> Identity:
     """Returns a caller who is an instructor or another service. Raises Forbidden."""
-    identity = identity_in(request.scope)
+    identity = get_identity(request.scope)
     identity.require(Role.INSTRUCTOR, Role.SERVICE)
     return identity
 

@@ -9,7 +9,7 @@ OF_THE_BODY = ("Content-Length", "Content-Type", "Content-Disposition")
 """Headers that a 304 does not have."""
 
 
-def etag_of(*parts: object) -> str:
+def compute_etag(*parts: object) -> str:
     """An ETag that is the same while the parts are; their `repr` is hashed."""
     return f'"{hashlib.sha256(repr(parts).encode()).hexdigest()[:24]}"'
 
@@ -55,7 +55,7 @@ class ConditionalSender:
     async def _send_start(self, start: Message, first: Message) -> None:
         headers = MutableHeaders(scope=start)
         if "etag" not in headers and not first.get("more_body", False):
-            headers["ETag"] = etag_of(first.get("body", b""))
+            headers["ETag"] = compute_etag(first.get("body", b""))
         self._is_unchanged = is_unchanged(self._known, headers.get("etag", "-"))
         if not self._is_unchanged:
             await self._send(start)

@@ -95,10 +95,10 @@ class Provider:
         Forbidden if an instructor has removed the member."""
         digest = hashlib.sha256(f"{self.issuer}\n{claims['sub']}".encode()).hexdigest()
         account = f"oidc:{digest}"
-        found = stored_people.with_account(session, self.course, account)
+        found = stored_people.find_with_account(session, self.course, account)
         if found is not None and found.removed_at is not None:
             raise Forbidden("You were removed from this course. Ask its instructor.")
-        member = found or members.with_account(session, account, name_in(claims), Role.STUDENT, self.course)
+        member = found or members.get_with_account(session, account, read_name(claims), Role.STUDENT, self.course)
         opened = start_session(session, member)
         record(session, opened.identity, self.course, Action.SIGNED_IN, member.name, by="oidc")
         return opened
@@ -126,7 +126,7 @@ def fetch_json(client: Any, url: str) -> Any:
     return client.request("GET", url, withhold_token=True).raise_for_status().json()
 
 
-def name_in(claims: dict[str, Any]) -> str:
+def read_name(claims: dict[str, Any]) -> str:
     """The user's name as far as the provider tells it, cleaned to what a name may be."""
     for claim in ("name", "preferred_username", "email", "sub"):
         text = visible_part(str(claims.get(claim) or "")).strip()

@@ -96,7 +96,7 @@ STATUS: dict[type[GraderError], int] = {
 """The HTTP status of every error that a request can cause. Any other error is our fault: 500."""
 
 
-def problem_of(error: GraderError) -> Response:
+def describe_problem(error: GraderError) -> Response:
     """The problem document of one of our own errors. Raises the error again where it is not the caller's."""
     status = STATUS.get(type(error))
     if status is None:
@@ -129,7 +129,7 @@ def install(app: FastAPI, error_page: ErrorPage) -> None:
 
     @app.exception_handler(GraderError)
     async def on_grader_error(_request: Request, error: GraderError) -> Response:
-        return problem_of(error)
+        return describe_problem(error)
 
     @app.exception_handler(HTTPException)
     async def on_http_exception(request: Request, error: HTTPException) -> Response:
@@ -156,11 +156,11 @@ def problem_of_framework(request: Request, error: HTTPException) -> Response:
         405: f"{request.method} is not possible here.",
         422: "The body is not JSON in UTF-8.",
     }
-    headers = {"Allow": ", ".join(methods_at(request))} if status == HTTPStatus.METHOD_NOT_ALLOWED else error.headers
+    headers = {"Allow": ", ".join(list_methods(request))} if status == HTTPStatus.METHOD_NOT_ALLOWED else error.headers
     return problem(status, details.get(status, str(error.detail)), headers)
 
 
-def methods_at(request: Request) -> list[str]:
+def list_methods(request: Request) -> list[str]:
     """Every method that the requested path allows. The router itself names the methods of one route only."""
     methods: set[str] = set()
     for template, operations in request.app.openapi()["paths"].items():

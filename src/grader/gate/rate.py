@@ -50,7 +50,7 @@ class RateLimit:
             del self._full_at[next(iter(self._full_at))]
 
 
-def address_of(scope: Scope) -> str:
+def read_address(scope: Scope) -> str:
     """The client's IPv4 address or IPv6 network of 64 bits, which one client has to itself; "" if there is none."""
     host = (scope.get("client") or ("", 0))[0]
     try:

@@ -87,8 +87,8 @@ class NamedResponse:
 
 def log_request(scope: Scope, status: int, seconds: float) -> None:
     """Counts and logs a request. Status 0: the client left before it got one."""
-    route, method = template_of(scope), scope["method"] if scope["method"] in METHODS else "other"
-    count, times = metrics_of(method, route, str(status))
+    route, method = get_template(scope), scope["method"] if scope["method"] in METHODS else "other"
+    count, times = get_metrics(method, route, str(status))
     count.inc()
     times.observe(seconds)
     state: dict[str, Any] = scope.get("state", {})
@@ -102,12 +102,12 @@ def log_request(scope: Scope, status: int, seconds: float) -> None:
 
 
 @cache
-def metrics_of(method: str, route: str, status: str) -> tuple[Counter, Histogram]:
+def get_metrics(method: str, route: str, status: str) -> tuple[Counter, Histogram]:
     """Returns the metrics of such requests; looked up once, since for Prometheus that takes longer than to count."""
     return REQUESTS.labels(method, route, status), REQUEST_S.labels(route)
 
 
-def template_of(scope: Scope) -> str:
+def get_template(scope: Scope) -> str:
     """The path of the request's route with its parameters unfilled, as in OpenAPI; `-` where no route was reached."""
     path: str = getattr(scope.get("route"), "path", "-")
     return path

@@ -22,7 +22,7 @@ RULES = (
 COMPILED = tuple((re.compile(method), re.compile(path), scope) for method, path, scope in RULES)
 
 
-def scope_of(method: str, path: str) -> Scope | None:
+def find_scope(method: str, path: str) -> Scope | None:
     """The scope for a path below the API's prefix; None where only a token without restriction will do."""
     read = "GET" if method == "HEAD" else method
     for methods, paths, scope in COMPILED:

@@ -92,15 +92,15 @@ class Services:
         return self.settings.origin if self.settings.public_origin else str(request.base_url).rstrip("/")
 
 
-def services_in(app: FastAPI) -> Services:
+def get_services(app: FastAPI) -> Services:
     """Returns the services of an app, typed: the only place that looks them up."""
     services: Services = app.state.services
     return services
 
 
-async def services_of(request: Request) -> Services:
+async def get_services_for(request: Request) -> Services:
     """Returns the services of the app that serves a request."""
-    return services_in(request.app)
+    return get_services(request.app)
 
 
-AppServices = Annotated[Services, Depends(services_of)]
+AppServices = Annotated[Services, Depends(get_services_for)]

@@ -15,7 +15,7 @@ from grader.errors import ContentError, ContentLost, Fault, Outdated
 from grader.grading.pipeline import Pipeline
 from grader.library import NOTHING_PASSED, Library, PassedChecks, load, load_files
 from grader.library.media import read_media
-from grader.library.snapshot import digest_of
+from grader.library.snapshot import compute_digest
 from grader.store import contents
 from grader.store.engine.database import Database
 from grader.store.upkeep.installation import hidden_case_secret
@@ -48,7 +48,7 @@ class Archive:
                 contents.keep(session, quiz, library.digest(quiz), files)
             media = {path: file.body for path, file in library.media.items()}
             if media:  # those of the texts of lessons too, which no digest of a quiz covers
-                named = digest_of({path: file.sha256 for path, file in library.media.items()})
+                named = compute_digest({path: file.sha256 for path, file in library.media.items()})
                 contents.keep(session, contents.NO_QUIZ, f"media-{named}", media)
             contents.use(session, course, library.digests)
         with self._lock:
@@ -81,7 +81,7 @@ class Archive:
 
     def _taken(self, quiz: str, digest: str) -> Pipeline:
         with self._database.read() as session:
-            files = contents.files_of(session, digest)
+            files = contents.read_files(session, digest)
         if files is None:
             raise ContentLost(f"The database does not hold the content {digest} of quiz {quiz!r} in full.")
         try:
@@ -116,7 +116,7 @@ class Draft:
 
 def revise(library: Library) -> str:
     """Returns the revision of a library: a digest of all that verdicts and pages depend on."""
-    return digest_of(library.digests, {lesson: repr(text) for lesson, text in library.lessons.items()})
+    return compute_digest(library.digests, {lesson: repr(text) for lesson, text in library.lessons.items()})
 
 
 MOVED_ON = "The folder has changed since you looked at it, and nothing was published: read the changes again."

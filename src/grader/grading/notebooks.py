@@ -28,12 +28,12 @@ def read_notebook(path: Path) -> list[dict[str, Any]]:
     """Returns the code cells of a notebook. Raises OSError, and Unprocessable for what is no notebook."""
     try:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-        return [cell for cell in cells if cell["cell_type"] == "code" and source_of(cell) is not None]
+        return [cell for cell in cells if cell["cell_type"] == "code" and read_source(cell) is not None]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise Unprocessable(f"{path} is no notebook of format 4: save it again with Jupyter.") from error
 
 
-def source_of(cell: dict[str, Any]) -> str | None:
+def read_source(cell: dict[str, Any]) -> str | None:
     """Returns the text of a cell, which is a text or a list of lines; None for anything else."""
     source = cell.get("source")
     lines = [source] if isinstance(source, str) else source
@@ -42,18 +42,18 @@ def source_of(cell: dict[str, Any]) -> str | None:
 
 def assemble_script(cells: Iterable[dict[str, Any]]) -> str:
     """Returns the code cells as one script, in their order."""
-    return "\n\n".join(drop_magics(source_of(cell) or "").rstrip() for cell in cells) + "\n"
+    return "\n\n".join(drop_magics(read_source(cell) or "").rstrip() for cell in cells) + "\n"
 
 
 def find_cell(cells: Iterable[dict[str, Any]], grade_id: str) -> dict[str, Any]:
     """Returns the code cell with this id of nbgrader. Raises Unprocessable unless there is just one."""
-    found = [cell for cell in cells if grade_id_of(cell) == grade_id]
+    found = [cell for cell in cells if read_grade_id(cell) == grade_id]
     if len(found) != 1:
         raise Unprocessable(f"{len(found)} code cells have the grade_id {grade_id!r}: there must be one")
     return found[0]
 
 
-def grade_id_of(cell: dict[str, Any]) -> Any:
+def read_grade_id(cell: dict[str, Any]) -> Any:
     """Returns the id that nbgrader gave a cell, if it gave one."""
     marks = cell.get("metadata")
     nbgrader = marks.get("nbgrader") if isinstance(marks, dict) else None

@@ -17,7 +17,7 @@ POSED_MAX, SHOWN_MAX = 2000, 500
 """Questions with their keys, and libraries of learners, that are kept."""
 
 
-def seed_of(secret: bytes, learner: str, quiz: str, question: str) -> int:
+def derive_seed(secret: bytes, learner: str, quiz: str, question: str) -> int:
     """Returns the seed of a learner's numbers at a question: the first 53 bits of HMAC-SHA256. It stays the same over
     attempts, restarts and servers with the same secret."""
     message = "\0".join(("draw", learner, quiz, question)).encode()
@@ -37,7 +37,7 @@ class Poser:
 
     def seed_of(self, learner: str, quiz: str, question: str) -> int:
         """Returns the seed of a learner's numbers at a question."""
-        return seed_of(self._secret, learner, quiz, question)
+        return derive_seed(self._secret, learner, quiz, question)
 
     def library_of(self, learner: str) -> Library:
         """Returns the content as a learner sees it, without the keys of their numbers; the content itself where nothing

@@ -95,7 +95,7 @@ def import_lesson(markdown: str, name: str = "lesson", folder: Path | None = Non
     addresses = Addresses(reading.base, folder, source or str(head.get("source", "")))
     reading.addresses = addresses
     for token in text.fences:
-        reading.read_block(text, block_of(token, text))
+        reading.read_block(text, read_fenced_block(token, text))
     title = text.find_title() or str(head.get("title") or name)
     asks = bool(reading.quizzes)
     reading.finish(title)
@@ -112,7 +112,7 @@ def import_lesson(markdown: str, name: str = "lesson", folder: Path | None = Non
     return Lesson(reading.quizzes, remarks, faults, reading.number, written, addresses.media)
 
 
-def block_of(token: Token, text: Text) -> Block:
+def read_fenced_block(token: Token, text: Text) -> Block:
     """Returns the fenced block of a token."""
     begin, end = token.map or (0, 0)
     closed = end - begin > 1 and text.lines[end - 1].strip().startswith(token.markup)

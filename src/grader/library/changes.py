@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from grader.library.checking.semantics import named_models
+from grader.library.checking.semantics import list_named_models
 from grader.library.edits import Edit, join_path, list_edits
 from grader.library.lesson_text import Heading, LessonText, Placed
 from grader.library.snapshot import Library
@@ -140,7 +140,7 @@ def _differing_files(old: Any, part: Any, before: Library, after: Library) -> It
     if isinstance(part, Question) and before.starter(old) != after.starter(part):
         yield "starter", list(list_edits(before.starter(old), after.starter(part), "starter"))
     dumped = part.model_dump()
-    named = [name for _, name in named_models(dumped, "")]
+    named = [name for _, name in list_named_models(dumped, "")]
     if models := _compare_texts("models", named, before.models, after.models):
         yield "models", models
     if programs := _compare_texts("programs", _list_texts(dumped), before.texts, after.texts):

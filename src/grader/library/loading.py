@@ -16,7 +16,7 @@ from grader.errors import ContentError, Fault, NotFound
 from grader.library.authors_jail import run_in_authors_jail
 from grader.library.checking.mjcf import flatten, inline_faults, model_faults
 from grader.library.checking.passed import NOTHING_PASSED, PassedChecks
-from grader.library.checking.schema import named_parts, read_quiz
+from grader.library.checking.schema import name_parts, read_quiz
 from grader.library.checking.semantics import (
     lab_warnings,
     of_unknown_kind,
@@ -32,7 +32,7 @@ from grader.library.lesson_ids import rank_quiz
 from grader.library.media import find_named_media, place_media, read_media
 from grader.library.quiz_files import list_quiz_files, parse_quiz
 from grader.library.quiz_source import QuizSource
-from grader.library.snapshot import Library, digest_of
+from grader.library.snapshot import Library, compute_digest
 from grader.questions import Question, Quiz, kind_of
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def _load_source(loading: _Loading, file: str, text: str, raw: dict[str, Any], o
     media = find_named_media(raw, loading.media)
     place_media(raw, media)
     parsed = read_quiz(raw, file)
-    known = [(key, part) for key, part in named_parts(raw) if not of_unknown_kind(part)]
+    known = [(key, part) for key, part in name_parts(raw) if not of_unknown_kind(part)]
     refused = [fault for key, part in known for fault in inline_faults(part, file, key)]
     loading.faults += [*parsed.faults, *_raw_faults(loading, raw, file, own), *refused]
     keys = [fault.key for fault in refused]
@@ -164,7 +164,7 @@ def _load_source(loading: _Loading, file: str, text: str, raw: dict[str, Any], o
     starters = _starters(loading, parsed.quiz)
     models = {f"models/{name}.xml": xml for name, xml in loading.models.items()}
     pictures = {path: one.sha256 for path, one in media.items()}
-    loading.digests[quiz_id] = digest_of({file: text}, loading.models, starters, named, pictures)
+    loading.digests[quiz_id] = compute_digest({file: text}, loading.models, starters, named, pictures)
     beside = {path: starter for path, starter in starters.items() if path not in own}
     loading.sources[quiz_id] = {
         file: text, **models, **beside, **named, **{path: one.body for path, one in media.items()},
@@ -200,7 +200,7 @@ def _read_into(texts: dict[str, str], root: Path, path: str) -> str:
 
 def _raw_faults(loading: _Loading, raw: dict[str, Any], file: str, own: Mapping[str, str]) -> Iterator[Fault]:
     """Faults that are found in the JSON itself, whether or not the question is valid."""
-    for key, part in named_parts(raw):
+    for key, part in name_parts(raw):
         yield from json_faults(part, file, key)
         yield from unknown_models(part, loading.models, file, key)
         starter, faults = read_starter(loading.root, part, file, key, own)
@@ -218,7 +218,7 @@ def _keep(loading: _Loading, quiz: Quiz, file: str, raw: dict[str, Any]) -> None
         loading.passed.run(  # reading the TeX of a course takes longer than all else
             "prose",
             [file, json.dumps(raw)],
-            lambda _: [fault for key, part in named_parts(raw) for fault in prose_warnings(part, file, key)],
+            lambda _: [fault for key, part in name_parts(raw) for fault in prose_warnings(part, file, key)],
             text_of=partial(_read_into, {}, loading.root),
             write=lambda remarks: [asdict(remark) for remark in remarks],
             read=lambda kept: [Fault(**remark) for remark in kept],

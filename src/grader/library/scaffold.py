@@ -12,7 +12,7 @@ from typing import Any
 from grader.errors import Conflict, ContentError, Fault, NotFound, Unprocessable
 from grader.exercises import load_kinds
 from grader.labs import lab_kinds
-from grader.library.checking.semantics import named_models
+from grader.library.checking.semantics import list_named_models
 from grader.library.files import QUIZ_BYTES_MAX, list_files, read_text
 from grader.library.json_schema import build_quiz_schema
 from grader.library.markdown import write_lab, write_markdown, write_question
@@ -171,7 +171,7 @@ def list_shipped() -> Iterator[Sample]:
         for question in quiz.get("questions", ()):
             programs = list_files(ours, f"reference_solutions/{quiz['id']}/{question.get('id')}", "correct__*.*")
             if programs:
-                models = {f"models/{name}.xml" for _, name in named_models(question, "")}
+                models = {f"models/{name}.xml" for _, name in list_named_models(question, "")}
                 check = question["check"]
                 named = [mistake["program"] for mistake in check.get("mistakes", ())]
                 named += [check[key] for key in ("reference", "program") if key in check]

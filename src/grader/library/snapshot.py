@@ -88,7 +88,7 @@ class Library:
         return self.digests[quiz_id]
 
 
-def digest_of(*texts: Mapping[str, str]) -> str:
+def compute_digest(*texts: Mapping[str, str]) -> str:
     """Return the sha256 of named texts in order of name, each preceded by its length."""
     digest = hashlib.sha256()
     for named in texts:

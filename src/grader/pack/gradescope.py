@@ -86,14 +86,14 @@ def build_content(library: Library, quiz: str, question: ScriptQuestion) -> list
     named = json.dumps(reduced)
     texts = {path: text for path, text in sources.items() if path.startswith(MODELS) or json.dumps(path) in named}
     texts[str(Path(file).with_suffix(".json"))] = json.dumps(reduced, ensure_ascii=False, indent=2)
-    files = [Packed(path, text.encode(), mode_of(path)) for path, text in texts.items()]
+    files = [Packed(path, text.encode(), choose_mode(path)) for path, text in texts.items()]
     with TemporaryDirectory(prefix="grader-pack-") as folder:
         write_folder(Path(folder, "content"), files)
         load(Path(folder, "content"))  # what was left out must not be missed
     return [replace(file, path=f"content/{file.path}") for file in files]
 
 
-def mode_of(path: str) -> int:
+def choose_mode(path: str) -> int:
     """Models are for everybody: in the jail the script is another user."""
     return READABLE if path.startswith(MODELS) else PRIVATE
 

@@ -42,7 +42,7 @@ def write_wheel(found: Distribution, module: str, folder: Path) -> Path:
     record = io.StringIO()
     rows = csv.writer(record, lineterminator="\n")
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as wheel:
-        for member, data in (*files_of(module), *notes_of(found, f"{name}.dist-info")):
+        for member, data in (*list_files(module), *write_notes(found, f"{name}.dist-info")):
             wheel.writestr(make_entry(member), data)
             digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).decode().rstrip("=")
             rows.writerow([member, f"sha256={digest}", len(data)])
@@ -58,7 +58,7 @@ def make_entry(member: str, mode: int = 0o644) -> zipfile.ZipInfo:
     return info
 
 
-def files_of(module: str) -> Iterator[tuple[str, bytes]]:
+def list_files(module: str) -> Iterator[tuple[str, bytes]]:
     """Path and content of every file of a top-level module. Raises NotFound."""
     spec = find_spec(module)
     if spec is None or spec.origin is None:
@@ -70,16 +70,16 @@ def files_of(module: str) -> Iterator[tuple[str, bytes]]:
             yield path.relative_to(place.parent if folder is None else folder.parent).as_posix(), path.read_bytes()
 
 
-def notes_of(found: Distribution, folder: str) -> Iterator[tuple[str, bytes]]:
+def write_notes(found: Distribution, folder: str) -> Iterator[tuple[str, bytes]]:
     """Says what installers read in a wheel. Source: packaging.python.org, "Binary distribution format"."""
-    metadata = PINNED.sub(as_installed, found.read_text("METADATA") or found.read_text("PKG-INFO") or "")
+    metadata = PINNED.sub(pin_installed, found.read_text("METADATA") or found.read_text("PKG-INFO") or "")
     points = found.read_text("entry_points.txt") or ""
     wheel = "Wheel-Version: 1.0\nGenerator: grader pack\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
     for name, text in (("METADATA", metadata), ("WHEEL", wheel), ("entry_points.txt", points)):
         yield f"{folder}/{name}", text.encode()
 
 
-def as_installed(pinned: re.Match[str]) -> str:
+def pin_installed(pinned: re.Match[str]) -> str:
     """Returns a pinned requirement with the version that is installed here, since that is what grades here. The grader
     may run with another MuJoCo than the one that it pins; `constraints` names the installed one."""
     try:
@@ -101,11 +101,11 @@ def list_constraints(names: list[str]) -> str:
         with suppress(PackageNotFoundError):  # of another platform
             found = distribution(one.name)
             versions[found.name] = found.version
-            waiting += needs_of(found, one.extras)
+            waiting += list_needs(found, one.extras)
     return "".join(f"{name}=={versions[name]}\n" for name in sorted(versions) if name not in names)
 
 
-def needs_of(found: Distribution, extras: frozenset[str]) -> Iterator[Needed]:
+def list_needs(found: Distribution, extras: frozenset[str]) -> Iterator[Needed]:
     """Says what a distribution with some of its extras requires, whatever the platform."""
     for text in found.requires or []:
         of_extra = re.search(r"""extra\s*==\s*["']([^"']+)""", text)

@@ -11,7 +11,7 @@ from grader.courses.people.identity import Identity
 from grader.courses.people.platforms import Registration
 from grader.errors import Unprocessable
 from grader.platforms import roster
-from grader.platforms.launching.addresses import is_of_platform, origin_of
+from grader.platforms.launching.addresses import is_of_platform, read_origin
 from grader.platforms.launching.registration import LIFETIME, PURPOSE
 from grader.platforms.roster import Pulled
 from grader.store import platforms, tickets
@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # it needs the packages of the extra
 URLS = ("login_url", "token_url", "keys_url")
 
 
-def registration_of(given: Mapping[str, Any]) -> Registration:
+def read_registration(given: Mapping[str, Any]) -> Registration:
     """Returns a registration as somebody typed it. Raises Unprocessable for an address that is not https. `origins` are
     those that may show our pages in a frame: of the issuer and the login if none is given."""
     texts = {
@@ -34,9 +34,12 @@ def registration_of(given: Mapping[str, Any]) -> Registration:
             raise Unprocessable(f"The {name} is an https address without user name, not {texts[name]!r}.")
     origins = [str(origin).strip() for origin in given.get("origins") or ()]
     for origin in origins:
-        if not is_of_platform(origin) or origin_of(origin) != origin.rstrip("/"):
+        if not is_of_platform(origin) or read_origin(origin) != origin.rstrip("/"):
             raise Unprocessable(f"An origin is https://host[:port] and nothing else, not {origin!r}.")
-    found = [origin_of(origin) for origin in origins] or [origin_of(texts["issuer"]), origin_of(texts["login_url"])]
+    found = [read_origin(origin) for origin in origins] or [
+        read_origin(texts["issuer"]),
+        read_origin(texts["login_url"]),
+    ]
     texts["name"] = texts["name"] or texts["issuer"]
     return Registration(**texts, origins=tuple(dict.fromkeys(filter(None, found))))
 
@@ -46,12 +49,12 @@ def registration_link(session: Session, origin: str) -> str:
     return f"{origin}/lti/register?token={tickets.issue(session, PURPOSE, {}, LIFETIME)}"
 
 
-def platforms_of(session: Session) -> list[dict[str, Any]]:
+def list_platforms(session: Session) -> list[dict[str, Any]]:
     """Lists every platform with its deployments, as command line, page and API show them."""
-    return [platform_view(session, row) for row in platforms.all_platforms(session)]
+    return [describe_platform(session, row) for row in platforms.all_platforms(session)]
 
 
-def platform_view(session: Session, row: platforms.PlatformRow) -> dict[str, Any]:
+def describe_platform(session: Session, row: platforms.PlatformRow) -> dict[str, Any]:
     """Returns a platform with its deployments."""
     return {name: getattr(row, name) for name in ("id", "name", "issuer", "client_id", *URLS)} | {
         "origins": list(platforms.read_platform(row).origins),
@@ -63,7 +66,7 @@ def platform_view(session: Session, row: platforms.PlatformRow) -> dict[str, Any
     }
 
 
-def contexts_of(session: Session, course: str | None = None) -> list[dict[str, Any]]:
+def list_contexts(session: Session, course: str | None = None) -> list[dict[str, Any]]:
     """Returns the platforms' courses: those of a course here, and those that ask for it; or all."""
     return [
         {
@@ -87,7 +90,7 @@ async def pull_roster(database: Database, authorized: "AccessTokens", by: Identi
         with database.read() as session:
             if by is not None:
                 rules.get_own_context(session, by, context_id)
-            context = roster.source_of(session, context_id)
+            context = roster.find_source(session, context_id)
             row = platforms.get(session, context.platform)
             assert row is not None  # a foreign key
             return context, row
@@ -97,6 +100,6 @@ async def pull_roster(database: Database, authorized: "AccessTokens", by: Identi
 
     def enter() -> Pulled:
         with database.write() as session:
-            return roster.enter(session, by, roster.source_of(session, context_id), people)
+            return roster.enter(session, by, roster.find_source(session, context_id), people)
 
     return await asyncio.to_thread(enter)

@@ -44,7 +44,7 @@ class ToolKeys:
 
     def rotate(self) -> str:
         """Makes a new key that signs from now on, and records it. Returns its `kid`."""
-        made = new_key()
+        made = make_key()
         kid = str(made["jwk"]["kid"])
         with self.database.write() as session:
             self.database.lock(session, "lti-keys")
@@ -59,7 +59,7 @@ class ToolKeys:
             kept = self._read(session)
         if kept:
             return kept
-        made = new_key()
+        made = make_key()
         with self.database.write() as session:
             self.database.lock(session, "lti-keys")
             kept = self._read(session) or [made]
@@ -77,7 +77,7 @@ class ToolKeys:
         installation.keep_lti_keys(session, json.dumps(kept).encode())
 
 
-def new_key() -> dict[str, Any]:
+def make_key() -> dict[str, Any]:
     """Returns a new private key, as it is kept: `until` says how long it stays published once another replaces it."""
     from joserfc.jwk import RSAKey
 

@@ -18,8 +18,8 @@ from grader.courses.people.rosters.roster import is_email
 from grader.domain.platform import Platform
 from grader.errors import Conflict, Forbidden, Unprocessable
 from grader.platforms.launching import claims as words
-from grader.platforms.launching.addresses import is_of_platform, origin_of
-from grader.platforms.launching.launch import name_in
+from grader.platforms.launching.addresses import is_of_platform, read_origin
+from grader.platforms.launching.launch import read_name
 from grader.store.platforms import ID, Context
 
 if TYPE_CHECKING:  # it needs the packages of the extra
@@ -44,14 +44,14 @@ async def pull(authorized: "AccessTokens", platform: Platform, url: str) -> list
     """The active members of a platform's course, page by page. Raises Unprocessable if the platform does not tell."""
     people, following, asked = dict[str, Person](), url, set[str]()
     while following:
-        if following in asked or len(asked) >= PAGES_MAX or origin_of(following) != origin_of(url):
+        if following in asked or len(asked) >= PAGES_MAX or read_origin(following) != read_origin(url):
             raise Unprocessable("The platform's roster goes on at an address that makes no sense.")
         asked.add(following)
         answer = await fetch_page(authorized, platform, following)
-        people |= {person.subject: person for person in persons_in(answer.body, platform.issuer)}
+        people |= {person.subject: person for person in read_persons(answer.body, platform.issuer)}
         if len(people) > MEMBERS_MAX:
             raise Unprocessable(f"The platform's roster is too long: at most {MEMBERS_MAX} members are taken.")
-        following = next_in(answer.headers)
+        following = read_next(answer.headers)
     return list(people.values())
 
 
@@ -66,18 +66,18 @@ async def fetch_page(authorized: "AccessTokens", platform: Platform, url: str) -
     return answer
 
 
-def next_in(headers: Mapping[str, str]) -> str:
+def read_next(headers: Mapping[str, str]) -> str:
     """Returns the address of the next page; empty after the last one."""
     match = NEXT.search(next((value for name, value in headers.items() if name.lower() == "link"), ""))
     return match[1] if match and is_of_platform(match[1]) else ""
 
 
-def persons_in(body: bytes, issuer: str) -> list[Person]:
+def read_persons(body: bytes, issuer: str) -> list[Person]:
     """Returns the active members on one page. Raises Unprocessable."""
     try:
         listed = json.loads(body)["members"]
         active = [entry for entry in listed if entry.get("status", "Active") == "Active" and is_known(entry)]
-        return [person_of(entry, issuer) for entry in active]
+        return [read_person(entry, issuer) for entry in active]
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise Unprocessable("The platform's roster cannot be read.") from error
 
@@ -88,16 +88,16 @@ def is_known(member: Mapping[str, Any]) -> bool:
     return isinstance(subject, str) and 1 <= len(subject) <= ID and subject.isprintable()
 
 
-def person_of(member: Mapping[str, Any], issuer: str) -> Person:
+def read_person(member: Mapping[str, Any], issuer: str) -> Person:
     """Returns a member as the platform describes them."""
     roles = [role for role in member.get("roles", ()) if isinstance(role, str)]
     role = Role.INSTRUCTOR if words.teaches(roles) else Role.STUDENT
     email = member.get("email")
     is_known = isinstance(email, str) and is_email(email)
-    return Person(issuer, member["user_id"], name_in(member), role, email if is_known else None)
+    return Person(issuer, member["user_id"], read_name(member), role, email if is_known else None)
 
 
-def source_of(session: Session, context_id: int) -> Context:
+def find_source(session: Session, context_id: int) -> Context:
     """Returns the platform's course whose roster can be pulled. Raises NotFound, Conflict."""
     context = rules.get_context(session, context_id)
     if context.course is None:
@@ -115,7 +115,7 @@ def enter(session: Session, by: Identity | None, context: Context, people: Seque
     removed = 0
     for person in people:
         try:
-            rules.member_of(session, context, person)
+            rules.get_member(session, context, person)
         except Forbidden:
             removed += 1
     pulled = Pulled(len(people) - removed, removed)

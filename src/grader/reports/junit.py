@@ -27,7 +27,7 @@ def junit_xml(graded: Graded) -> str:
         ElementTree.SubElement(properties, "property", name=key, value=str(getattr(verdict, key)))
     diagnosis = "\n".join(filter(None, (verdict.diagnosis, graded.summary)))
     case = add_case(suite, name, graded.title, seconds)
-    if (kind := kind_of(verdict.status)) is not None:
+    if (kind := name_outcome(verdict.status)) is not None:
         tell(case, kind, diagnosis, verdict.status.value)
     for title, finding in graded.findings:
         one = add_case(suite, name, f"{graded.title}: {title}", "0.000")
@@ -41,7 +41,7 @@ def junit_xml(graded: Graded) -> str:
     return build_document(suite, seconds)
 
 
-def kind_of(status: Status) -> str | None:
+def name_outcome(status: Status) -> str | None:
     """Returns the element that says how the answer as a whole went; None if it is right."""
     special = {Status.CORRECT: None, Status.NEEDS_REVIEW: "skipped", Status.GRADER_FAULT: "error"}
     return special.get(status, "failure")

@@ -34,7 +34,7 @@ from grader.logs import is_json, log_to_stderr
 from grader.platforms.keys import ToolKeys
 from grader.platforms.launching.fetching import PlatformKeys
 from grader.platforms.tool import Tool, is_installed
-from grader.service.deliveries import deliveries_of
+from grader.service.deliveries import build_deliveries
 from grader.service.opening import end_start, never, open_database
 from grader.service.worker import build_graders, build_worker
 from grader.settings import Settings
@@ -54,7 +54,7 @@ def create_app(settings: Settings, graders: Graders | None = None, is_ending: Ca
     app = FastAPI(
         title="MuJoCo grader",
         version=version("mujoco-grader"),
-        lifespan=lifespan_of(services),
+        lifespan=build_lifespan(services),
         docs_url=None,
         redoc_url=None,
         redirect_slashes=False,
@@ -81,7 +81,7 @@ def build_services(settings: Settings, graders: Graders, is_ending: Callable[[],
     keep_compiled(passed.place)
     content = Contents(settings.content, settings.courses, database, passed)
     worker = build_worker(
-        settings, database, content.archive, graders, deliveries_of(settings, database, content.archive)
+        settings, database, content.archive, graders, build_deliveries(settings, database, content.archive)
     )
     monitor = Monitor(database, graders, worker)
     return Services(
@@ -93,11 +93,11 @@ def build_services(settings: Settings, graders: Graders, is_ending: Callable[[],
         labs=LabRuns(settings.lab_cache_mb * 1024 * 1024, int(settings.share(settings.lab_steps_per_min))),
         admission=admission_rules(settings),
         monitor=monitor,
-        readiness=readiness_of(settings, monitor, content),
+        readiness=build_readiness(settings, monitor, content),
         statistics=Statistics(database),
         classes=ClassReader(database),
-        provider=provider_of(settings),
-        tool=tool_of(settings, database),
+        provider=build_provider(settings),
+        tool=build_tool(settings, database),
     )
 
 
@@ -117,7 +117,7 @@ def rate_limit(settings: Settings, rate_per_s: float, burst: int) -> RateLimit:
     return RateLimit(settings.share(rate_per_s), max(1.0, settings.share(burst)))
 
 
-def provider_of(settings: Settings) -> Provider | None:
+def build_provider(settings: Settings) -> Provider | None:
     """The OpenID provider of the settings, if they name one."""
     if settings.oidc_issuer is None or settings.oidc_client_id is None:
         return None
@@ -126,7 +126,7 @@ def provider_of(settings: Settings) -> Provider | None:
     return Provider(settings.oidc_issuer, settings.oidc_client_id, text, settings.oidc_course)
 
 
-def tool_of(settings: Settings, database: Database) -> Tool | None:
+def build_tool(settings: Settings, database: Database) -> Tool | None:
     """The LTI tool; None without the packages of its extra."""
     if not is_installed():
         return None
@@ -137,7 +137,7 @@ def tool_of(settings: Settings, database: Database) -> Tool | None:
     return Tool(keys, PlatformKeys(outgoing), outgoing, AccessTokens(outgoing, keys.sign))
 
 
-def readiness_of(settings: Settings, monitor: Monitor, content: Contents) -> Readiness:
+def build_readiness(settings: Settings, monitor: Monitor, content: Contents) -> Readiness:
     """What must work for a server with these settings to be ready. Without grading processes it has no jail."""
     checks: dict[str, Check] = {"database": monitor.check_database, "content": lambda: check_content(content)}
     checks["mujoco"] = check_mujoco
@@ -146,7 +146,7 @@ def readiness_of(settings: Settings, monitor: Monitor, content: Contents) -> Rea
     return Readiness({**checks, "worker": monitor.check_worker})
 
 
-def lifespan_of(services: Services) -> Any:
+def build_lifespan(services: Services) -> Any:
     """The app's lifespan: it starts the grading processes, the embedded worker and the thread that recomputes reviews.
     It ends them and the lab runs. Held scores are looked at again, now and after each change of the content."""
     database, graders, worker = services.database, services.monitor.graders, services.monitor.worker

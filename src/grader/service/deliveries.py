@@ -12,7 +12,7 @@ from grader.store.outbox import SCORES, WEBHOOK
 from grader.store.platforms import score_target
 
 
-def deliveries_of(settings: Settings, database: Database, archive: Archive) -> Mapping[str, Task]:
+def build_deliveries(settings: Settings, database: Database, archive: Archive) -> Mapping[str, Task]:
     """The task of the topic `deliver`; none where the client for HTTP is not installed."""
     if not is_installed():
         return {}

@@ -183,10 +183,10 @@ def serve_alone(settings: Settings) -> None:
 
 def tell_that_ready(settings: Settings, app: "FastAPI") -> None:
     """Prints the addresses of a service that is ready, and how its scripts are jailed."""
-    from grader.gate.services import services_in
+    from grader.gate.services import get_services
     from grader.service.accounts import tell_addresses
 
-    checks = services_in(app).readiness.checks
+    checks = get_services(app).readiness.checks
     tell_addresses(settings, checks["jail"]() if "jail" in checks else {})
 
 
@@ -263,10 +263,10 @@ def run_part() -> None:
     threading.Thread(target=end_with_parent, daemon=True).start()
     ready = partial(report_ready, part.ready)
     if part.listener is None:
-        from grader.service.deliveries import deliveries_of
+        from grader.service.deliveries import build_deliveries
         from grader.service.worker import run_worker
 
-        run_worker(part.settings, deliveries_of, ready)
+        run_worker(part.settings, build_deliveries, ready)
         return
     from grader.service.serving import run_app
 

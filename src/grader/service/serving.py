@@ -171,9 +171,9 @@ def run_app(
             ready(opened.result())
 
     def reload() -> None:
-        from grader.gate.services import services_in
+        from grader.gate.services import get_services
 
-        services_in(app.opened.result()).content.reload_or_log()
+        get_services(app.opened.result()).content.reload_or_log()
 
     sys.setswitchinterval(SWITCH_S)
     app = StartingApp(build)

@@ -17,7 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from grader.courses.answering import results
-from grader.courses.answering.stopping import verdict_after
+from grader.courses.answering.stopping import judge_stopped
 from grader.courses.regrading.background import JudgeBy, Regrading
 from grader.domain.progress import TrialProgress, ignore_progress
 from grader.domain.verdict import Status, Verdict
@@ -71,7 +71,7 @@ class GradingTask:
         try:
             verdict = self.grade(started)
         except ScriptStopped as stopped:
-            return self._outcome(started, verdict_after(stopped, self.fault(started)), cause=submissions.STOP)
+            return self._outcome(started, judge_stopped(stopped, self.fault(started)), cause=submissions.STOP)
         return self._outcome(started, verdict, again=verdict.status is Status.GRADER_FAULT)
 
     def give_up(self, started: Submission) -> JobOutcome:

@@ -88,7 +88,7 @@ def in_use(session: Session, course: str, quiz: str) -> str | None:
     return (digests.get(course) or digests.get(EVERY, {})).get(quiz)
 
 
-def files_of(session: Session, digest: str) -> dict[str, str | bytes] | None:
+def read_files(session: Session, digest: str) -> dict[str, str | bytes] | None:
     """The bytes of every file of some content by path; None if a file is missing or damaged."""
     manifest = session.get(ContentManifest, digest)
     if manifest is None:

@@ -38,7 +38,7 @@ class AuditEntry(Base):
     """JSON text."""
 
 
-def link_of(session: Session, course: str) -> CourseLink | None:
+def find_link(session: Session, course: str) -> CourseLink | None:
     """The link of a course, if it is open."""
     return session.get(CourseLink, course)
 

@@ -63,13 +63,13 @@ def revoke_all(session: Session, member: str, clock: datetime, kinds: Iterable[s
     return _revoke(session, clock, Credential.member == member, Credential.revoked_at.is_(None), *of_kind)
 
 
-def alive_in(session: Session, course: str, kind: str, clock: datetime) -> Sequence[Credential]:
+def list_alive(session: Session, course: str, kind: str, clock: datetime) -> Sequence[Credential]:
     """The credentials of one kind in a course that have not ended, newest first."""
     wanted = select(Credential).where(Credential.course == course, Credential.kind == kind, is_alive(clock))
     return session.scalars(wanted.order_by(Credential.created_at.desc(), Credential.id)).all()
 
 
-def alive_of(session: Session, member: str, kind: str, clock: datetime) -> Sequence[Credential]:
+def list_alive_of(session: Session, member: str, kind: str, clock: datetime) -> Sequence[Credential]:
     """The credentials of one kind of a member that have not ended, newest first."""
     wanted = select(Credential).where(Credential.member == member, Credential.kind == kind, is_alive(clock))
     return session.scalars(wanted.order_by(Credential.created_at.desc(), Credential.id)).all()

@@ -14,13 +14,13 @@ Key = tuple[str, str, str]
 """Course, quiz and learner: the primary key."""
 
 
-def of_learner(session: Session, course: str, learner: str, quizzes: Sequence[str]) -> dict[str, Extension]:
+def list_of_learner(session: Session, course: str, learner: str, quizzes: Sequence[str]) -> dict[str, Extension]:
     """The extensions of a learner in some quizzes, by quiz."""
     theirs = select(ExtensionRow).where(ExtensionRow.course == course, ExtensionRow.learner == learner)
     return {row.quiz: read_extension(row) for row in session.scalars(theirs.where(ExtensionRow.quiz.in_(quizzes)))}
 
 
-def of_quiz(session: Session, course: str, quiz: str) -> list[tuple[ExtensionRow, str]]:
+def list_of_quiz(session: Session, course: str, quiz: str) -> list[tuple[ExtensionRow, str]]:
     """Every extension in a quiz with the learner's name, in the order of names."""
     rows = select(ExtensionRow, Member.name).join(Member, Member.id == ExtensionRow.learner)
     here = rows.where(ExtensionRow.course == course, ExtensionRow.quiz == quiz)

@@ -29,8 +29,8 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from grader.store.engine.bulk import insert_of
-from grader.store.engine.ids import new_id
+from grader.store.engine.bulk import get_insert
+from grader.store.engine.ids import make_id
 from grader.store.results import LearnerAt
 from grader.store.tables import NAME, Base, Result, now
 
@@ -53,7 +53,7 @@ class Destination(Base):
     __tablename__ = "destinations"
     __table_args__ = (Index("ix_destinations_course", "course", "id"),)
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=make_id)
     course: Mapped[str] = mapped_column(String(NAME))
     kind: Mapped[str] = mapped_column(String(10))
     quiz: Mapped[str] = mapped_column(String(64), default=ALL)
@@ -170,7 +170,7 @@ def _key_of_delivery(destination: Any, changed: LearnerAt) -> tuple[str, str, st
 
 @cache
 def _build_insert_or_count(dialect: str) -> Any:
-    row = insert_of(dialect)(Delivery)
+    row = get_insert(dialect)(Delivery)
     held_until = and_(Delivery.state == HELD, Delivery.has_job)
     change = {"state": case((held_until, HELD), else_=WAITING), "version": Delivery.version + 1,
               "noted_at": row.excluded.noted_at, "attempts": 0, "error": None}  # fmt: skip
@@ -236,7 +236,7 @@ def add_scores(session: Session, course: str, quiz: str, question: str, by: str)
     made = hashlib.blake2b(key.encode(), digest_size=16).hexdigest()
     values = {"id": made, "course": course, "kind": SCORES, "quiz": quiz, "question": question, "created_by": by,
               "created_at": now()}  # fmt: skip
-    insert = insert_of(session.get_bind().dialect.name)
+    insert = get_insert(session.get_bind().dialect.name)
     session.execute(insert(Destination).values(values).on_conflict_do_nothing())
     return made
 
@@ -255,7 +255,7 @@ def disable(session: Session, destination_id: str, why: str) -> None:
     session.execute(theirs.values(state=DEAD, error=why, next_at=None), execution_options=_UNCHANGED)
 
 
-def results_of(session: Session, course: str, quiz: str, learner: str) -> list[LearnerAt]:
+def list_results(session: Session, course: str, quiz: str, learner: str) -> list[LearnerAt]:
     """The keys of a learner's results in a quiz."""
     theirs = (Result.course == course, Result.quiz == quiz, Result.learner == learner)
     rows = session.execute(select(*(getattr(Result, name) for name in LearnerAt._fields)).where(*theirs))
@@ -286,7 +286,7 @@ def lock_dead(session: Session, destination_id: str, limit: int) -> Sequence[Del
     return session.scalars(rows.order_by(Delivery.id).limit(limit).with_for_update()).all()
 
 
-def counts_in(session: Session, course: str) -> dict[str, int]:
+def count_in_course(session: Session, course: str) -> dict[str, int]:
     """The number of rows of a course that are not sent, by state."""
     rows = select(Delivery.state, func.count()).where(Delivery.course == course, text("state <> 'sent'"))
     return {row[0]: row[1] for row in session.execute(rows.group_by(Delivery.state))}

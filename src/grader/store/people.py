@@ -17,7 +17,7 @@ def get(session: Session, member_id: str, course: str) -> Member | None:
     return session.scalar(wanted)
 
 
-def with_account(session: Session, course: str, account: str) -> Member | None:
+def find_with_account(session: Session, course: str, account: str) -> Member | None:
     """The member with this account, also a removed one."""
     return session.scalar(select(Member).where(Member.course == course, Member.account == account))
 
@@ -64,7 +64,7 @@ def list_learners(session: Session, course: str, limit: int | None = None) -> Se
     return session.scalars(select(Member).where(*here).order_by(Folded(Member.name), Member.id).limit(limit)).all()
 
 
-def with_home(session: Session, home: str) -> Sequence[Member]:
+def list_with_home(session: Session, home: str) -> Sequence[Member]:
     """The members of other courses who are the same person as the member with this id, by course; removed ones are left
     out."""
     theirs = select(Member).where(Member.home == home, Member.removed_at.is_(None))
@@ -99,7 +99,7 @@ class MemberFilter:
 ALL_MEMBERS = MemberFilter()
 
 
-def by_name(
+def list_by_name(
     session: Session, course: str, start: int, limit: int, wanted: MemberFilter = ALL_MEMBERS
 ) -> Sequence[Member]:
     """At most `limit` members in the order of their names, after the first `start`."""
@@ -124,7 +124,7 @@ def find_namesakes(session: Session, course: str) -> Sequence[str]:
     return session.scalars(select(Member.id).where(Member.course == course, Member.name.in_(shared))).all()
 
 
-def without_results(
+def list_without_results(
     session: Session, course: str, quizzes: Sequence[str], find: str = "", limit: int | None = None
 ) -> Sequence[Member]:
     """At most `limit` learners of a course without a result in these quizzes, by name. Those whom only a browser

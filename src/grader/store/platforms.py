@@ -191,7 +191,7 @@ def context_by_id(session: Session, context: int) -> Context | None:
     return session.get(Context, context)
 
 
-def context_at(session: Session, platform_id: int, deployment_id: str, context_id: str, title: str) -> Context:
+def get_context(session: Session, platform_id: int, deployment_id: str, context_id: str, title: str) -> Context:
     """The platform's course; made now, linked with no course, when it is first heard of."""
     found = select(Context).where(
         Context.platform == platform_id, Context.deployment_id == deployment_id, Context.context_id == context_id
@@ -229,7 +229,7 @@ def enrol(session: Session, context: int, subject: str, member: str) -> None:
     user.member, user.seen_at = member, now()
 
 
-def member_at(session: Session, context: int, subject: str) -> str | None:
+def find_member(session: Session, context: int, subject: str) -> str | None:
     """The id of the member who a user of a context is; None before the first launch and roster."""
     return session.scalar(select(LtiUser.member).where(LtiUser.context == context, LtiUser.subject == subject))
 
@@ -248,7 +248,7 @@ def place_of_review(session: Session, context: int, link_id: str, line_item_url:
     return quiz or None, question or None
 
 
-def courses_of(session: Session, members: Sequence[str]) -> dict[str, list[tuple[str, str]]]:
+def find_courses(session: Session, members: Sequence[str]) -> dict[str, list[tuple[str, str]]]:
     """For members who come from platforms: the platform's name and the title of its course, of each course there."""
     rows = (
         select(LtiUser.member, PlatformRow.name, Context.title, Context.context_id)
@@ -308,10 +308,10 @@ def score_target(
     link, context, platform, subject = found
     return ScoreTarget(
         read_platform(platform), link.line_item_url, link.line_items_url, tuple(link.scopes.split()), subject,
-        context.deployment_id, link.link_id, resource_id_of(quiz, question),
+        context.deployment_id, link.link_id, make_resource_id(quiz, question),
     )  # fmt: skip
 
 
-def resource_id_of(quiz: str, question: str | None) -> str:
+def make_resource_id(quiz: str, question: str | None) -> str:
     """The `resourceId` of a line item: `QUIZ`, or `QUIZ/QUESTION`."""
     return f"{quiz}/{question}" if question else quiz

@@ -21,13 +21,13 @@ class PolicyChange(Base):
     changed_at: Mapped[datetime] = mapped_column(default=now)
 
 
-def of_course(session: Session, course: str) -> dict[str, str]:
+def read_of_course(session: Session, course: str) -> dict[str, str]:
     """The changes of a course as JSON text, by quiz; quizzes without any are left out."""
     rows = select(PolicyChange.quiz, PolicyChange.changes).where(PolicyChange.course == course)
     return {row.quiz: row.changes for row in session.execute(rows)}
 
 
-def of_quiz(session: Session, course: str, quiz: str) -> str | None:
+def read_of_quiz(session: Session, course: str, quiz: str) -> str | None:
     """The changes at one quiz as JSON text; None without any."""
     return session.scalar(select(PolicyChange.changes).where(PolicyChange.course == course, PolicyChange.quiz == quiz))
 

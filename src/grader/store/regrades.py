@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import ForeignKey, Index, String, Text, func, insert, select, update
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import make_id
 from grader.store.submissions import NEWEST, STOP
 from grader.store.tables import ERASED, NAME, Base, Submission, VerdictRow, now
 
@@ -31,7 +31,7 @@ class Regrade(Base):
     __tablename__ = "regrades"
     __table_args__ = (Index("ix_regrades_course", "course", "id"),)
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=make_id)
     course: Mapped[str] = mapped_column(String(NAME))
     quiz: Mapped[str] = mapped_column(String(64))
     question: Mapped[str | None] = mapped_column(String(64))

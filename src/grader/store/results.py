@@ -24,7 +24,7 @@ from sqlalchemy.sql.functions import FunctionElement
 
 from grader.store.engine.bulk import TableRows, insert_rows
 from grader.store.engine.names import Folded, holds
-from grader.store.reviewing.reviews import unseen_places
+from grader.store.reviewing.reviews import select_unseen_places
 from grader.store.submissions import NEWEST
 from grader.store.tables import Credential, Member, Result, ResultRevision, Submission, VerdictRow
 
@@ -76,7 +76,7 @@ COLUMNS_AT = select(*Result.__table__.columns).where(
 )
 
 
-def attempts_of(session: Session, key: LearnerAt) -> Sequence[Any]:
+def list_attempts(session: Session, key: LearnerAt) -> Sequence[Any]:
     """The attempts of a learner at a question, oldest first, with their newest verdicts."""
     return session.execute(ATTEMPTS, key._asdict()).all()
 
@@ -111,10 +111,10 @@ def change(before: Columns | None, key: LearnerAt, values: Mapping[str, Any]) ->
 
 def save(session: Session, changed: Sequence[Columns], revised: Sequence[Columns], clock: datetime) -> None:
     """Writes results, and a row of the feed for each new revision. The caller holds the learners' locks."""
-    insert_rows(session, *rows_of(changed, revised, clock), replace=Result)
+    insert_rows(session, *build_rows(changed, revised, clock), replace=Result)
 
 
-def rows_of(changed: Sequence[Columns], revised: Sequence[Columns], clock: datetime) -> list[TableRows]:
+def build_rows(changed: Sequence[Columns], revised: Sequence[Columns], clock: datetime) -> list[TableRows]:
     """The rows of results, which replace those before, and a row of the feed for each new revision."""
     return [
         (Result, changed),
@@ -127,7 +127,7 @@ def read_feed_columns(result: Columns) -> Columns:
     return {name: result[name] for name in OF_FEED}
 
 
-def of_learner(session: Session, course: str, learner: str, quiz: str) -> dict[str, Result]:
+def find_of_learner(session: Session, course: str, learner: str, quiz: str) -> dict[str, Result]:
     """The results of a learner in a quiz, by question."""
     theirs = select(Result).where(Result.course == course, Result.learner == learner, Result.quiz == quiz)
     return {result.question: result for result in session.scalars(theirs)}
@@ -202,7 +202,7 @@ def _seen_points(wanted: Ranking) -> SQLColumnExpression[float]:
     if not wanted.reviewer:
         return Result.points
     place = tuple_(Result.learner, Result.quiz, Result.question)
-    return case((place.in_(unseen_places(wanted.course, wanted.reviewer)), 0.0), else_=Result.points)
+    return case((place.in_(select_unseen_places(wanted.course, wanted.reviewer)), 0.0), else_=Result.points)
 
 
 class QuizSum(NamedTuple):
@@ -229,7 +229,7 @@ AT_PAGE = (Result.course, Result.learner, Result.quiz, Result.question, Result.p
 """The columns of a result that a page of the gradebook shows."""
 
 
-def of_learners(session: Session, course: str, quiz: str, learners: Sequence[str]) -> dict[str, list[Any]]:
+def find_of_learners(session: Session, course: str, quiz: str, learners: Sequence[str]) -> dict[str, list[Any]]:
     """The columns `AT_PAGE` of the results of some learners in a quiz, by learner."""
     theirs = select(*AT_PAGE).where(Result.course == course, Result.quiz == quiz, Result.learner.in_(learners))
     found: dict[str, list[Any]] = {learner: [] for learner in learners}
@@ -273,7 +273,7 @@ STATISTICS = (
 )  # fmt: skip
 
 
-def of_quiz(session: Session, course: str, quiz: str) -> Iterator[Sequence[Any]]:
+def iterate_of_quiz(session: Session, course: str, quiz: str) -> Iterator[Sequence[Any]]:
     """Yields the columns of `STATISTICS` of every result in a quiz that waits neither for a verdict nor a person, in
     lists of `ROWS_FETCHED`. These are the driver's own rows: SQLAlchemy would take as long again to wrap tens of
     thousands. One list is held at a time."""

@@ -118,13 +118,13 @@ def settle(new: Sequence[tuple[Submission, Verdict | None]], clock: datetime) ->
         vars(submission).update(version=1, created_at=clock, **NEW if verdict is None else _settled(verdict, 1))
     graded = [(submission, verdict) for submission, verdict in new if verdict is not None]
     return [
-        (Submission, [values_of(submission) for submission, _ in new]),
+        (Submission, [read_values(submission) for submission, _ in new]),
         (VerdictRow, [_verdict_values(*pair, "grading") | {"created_at": clock} for pair in graded]),
         (Event, [{"submission_id": one.id, "number": 1, "name": one.status, "created_at": clock} for one, _ in new]),
     ]
 
 
-def values_of(row: Base) -> dict[str, Any]:
+def read_values(row: Base) -> dict[str, Any]:
     """The columns that are set on a row."""
     return {name: value for name, value in vars(row).items() if not name.startswith("_")}
 
@@ -185,7 +185,7 @@ class CaseProgress:
         return f"case {self.case} of {self.cases}" + (f", {self.within.words}" if self.within else "")
 
 
-def case_of(event: Event | None) -> CaseProgress | None:
+def read_case(event: Event | None) -> CaseProgress | None:
     """How far the script is that an event tells of; None for other events."""
     match = None if event is None else AT_CASE.fullmatch(event.name)
     if match is None:
@@ -236,7 +236,7 @@ PROGRESS = (
 PROGRESS_AT = PROGRESS.where(Submission.quiz == bindparam("quiz"), Submission.question == bindparam("question"))
 
 
-def progress_at(session: Session, course: str, learner: str, quiz: str, question: str) -> Progress:
+def compute_progress_at(session: Session, course: str, learner: str, quiz: str, question: str) -> Progress:
     """What a learner's attempts at one question come to; queued ones count."""
     where = {"course": course, "learner": learner, "quiz": quiz, "question": question}
     found = session.connection().execute(PROGRESS_AT, where).first()
@@ -306,7 +306,7 @@ def count_outcomes(session: Session, course: str, since: datetime, newest: int) 
     return {str(row[0]): row[1] for row in session.execute(counts)}
 
 
-def graded_at(
+def list_graded(
     session: Session, wanted: SubmissionFilter, without: Collection[str], limit: int
 ) -> list[tuple[Submission, str]]:
     """At most `limit` attempts that have their verdict, the newest ones in the order of time, each with its newest
@@ -325,7 +325,7 @@ def count_pending(session: Session, wanted: SubmissionFilter) -> int:
 
 def read_verdicts(session: Session, submissions: Iterable[Submission]) -> dict[str, Any]:
     """The newest verdict of each submission as plain JSON, by id; submissions without one are left out."""
-    return verdicts_of(session, [submission.id for submission in submissions])
+    return read_verdicts_by_id(session, [submission.id for submission in submissions])
 
 
 BODIES = (
@@ -335,7 +335,7 @@ BODIES = (
 )
 
 
-def verdicts_of(session: Session, ids: Iterable[str]) -> dict[str, Any]:
+def read_verdicts_by_id(session: Session, ids: Iterable[str]) -> dict[str, Any]:
     """As `read_verdicts`, for the ids of submissions."""
     result = session.execute(BODIES, {"ids": list(ids)})
     return {submission_id: json.loads(body) for submission_id, body in result}
@@ -379,7 +379,7 @@ def last_event(session: Session, submission_id: str) -> int:
 def case_now(session: Session, submission_id: str) -> CaseProgress | None:
     """The case that a running script is at, as far as its newest event tells."""
     newest = select(Event).where(Event.submission_id == submission_id).order_by(Event.number.desc()).limit(1)
-    return case_of(session.scalar(newest))
+    return read_case(session.scalar(newest))
 
 
 def _change_status(session: Session, submission_id: str, status: str) -> Submission:
@@ -391,13 +391,13 @@ def _change_status(session: Session, submission_id: str, status: str) -> Submiss
 
 
 @cache
-def counter_of(status: Status) -> Counter:
+def get_counter(status: Status) -> Counter:
     """Returns the metric of such verdicts; looked up once, since for Prometheus that takes longer than to count."""
     return VERDICTS.labels(status.value)
 
 
 def _settled(verdict: Verdict, revision: int) -> dict[str, Any]:
-    counter_of(verdict.status).inc()
+    get_counter(verdict.status).inc()
     return {
         "status": NEEDS_REVIEW if verdict.status is Status.NEEDS_REVIEW else GRADED,
         "uses_attempt": verdict.status.uses_attempt,

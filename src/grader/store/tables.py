@@ -24,7 +24,7 @@ from sqlalchemy import BigInteger, Float, ForeignKey, Index, Integer, String, Te
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from grader.store.engine.bulk import UtcDateTime
-from grader.store.engine.ids import new_id, new_member_id
+from grader.store.engine.ids import make_id, make_member_id
 
 ERASED = ""
 """The answer of an erased submission: no JSON text, so that it is not graded again."""
@@ -68,7 +68,7 @@ class Submission(Base):
               postgresql_where=text("status <> 'graded'")),
     )  # fmt: skip
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=make_id)
     course: Mapped[str] = mapped_column(String(NAME))
     learner: Mapped[str] = mapped_column(String(32))
     """The id of the member whose answer it is."""
@@ -275,7 +275,7 @@ class SavedComment(Base):
     __tablename__ = "saved_comments"
     __table_args__ = (Index("ix_saved_comments_question", "course", "quiz", "question", "id"),)
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=make_id)
     course: Mapped[str] = mapped_column(String(NAME))
     quiz: Mapped[str] = mapped_column(String(64))
     question: Mapped[str] = mapped_column(String(64))
@@ -296,7 +296,7 @@ class Member(Base):
               postgresql_where=text("home IS NOT NULL")),
     )  # fmt: skip
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_member_id)
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=make_member_id)
     course: Mapped[str] = mapped_column(String(NAME))
     name: Mapped[str] = mapped_column(String(NAME))
     account: Mapped[str | None] = mapped_column(String(NAME + 10))

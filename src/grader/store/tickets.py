@@ -32,7 +32,7 @@ class Ticket(Base):
     expires_at: Mapped[datetime]
 
 
-def hash_of(secret: str) -> str:
+def hash_secret(secret: str) -> str:
     """The sha256 of a secret, as it is stored."""
     return hashlib.sha256(secret.encode(errors="surrogatepass")).hexdigest()
 
@@ -42,14 +42,14 @@ def issue(session: Session, purpose: str, body: dict[str, Any], lifetime: timede
     oldest of too many."""
     secret = secret or secrets.token_urlsafe(32)
     _make_room(session, purpose)
-    session.add(Ticket(hash=hash_of(secret), purpose=purpose, body=json.dumps(body), expires_at=now() + lifetime))
+    session.add(Ticket(hash=hash_secret(secret), purpose=purpose, body=json.dumps(body), expires_at=now() + lifetime))
     session.flush()
     return secret
 
 
 def peek(session: Session, purpose: str, secret: str) -> dict[str, Any] | None:
     """What a ticket says; it stays valid. None if it is unknown, used or expired."""
-    ticket = session.get(Ticket, hash_of(secret))
+    ticket = session.get(Ticket, hash_secret(secret))
     if ticket is None or ticket.purpose != purpose or ticket.expires_at <= now():
         return None
     body: dict[str, Any] = json.loads(ticket.body)
@@ -68,7 +68,7 @@ def change(session: Session, purpose: str, secret_hash: str, **more: Any) -> boo
 def take(session: Session, purpose: str, secret: str) -> dict[str, Any] | None:
     """As `peek`, and uses the ticket: of two calls at once only one gets it."""
     body = peek(session, purpose, secret)
-    used = delete(Ticket).where(Ticket.hash == hash_of(secret), Ticket.purpose == purpose)
+    used = delete(Ticket).where(Ticket.hash == hash_secret(secret), Ticket.purpose == purpose)
     gone = cast(CursorResult[Any], session.execute(used, execution_options=UNCHANGED))
     return body if gone.rowcount == 1 else None
 

@@ -18,7 +18,7 @@ from typing import Any
 import httpx
 
 from grader.courses.people import platforms as rules
-from grader.platforms.administration import registration_of
+from grader.platforms.administration import read_registration
 from grader.service.app import create_app
 from grader.settings import Settings
 from grader.store import platforms
@@ -89,7 +89,7 @@ def walk(app: Any, origin: str, edx: str) -> None:
     client = httpx.Client(timeout=30)
     state = client.get(f"{edx}/state").json()
     with app.state.services.database.write() as session:
-        given = registration_of({"name": "Open edX", "issuer": edx, **state})
+        given = read_registration({"name": "Open edX", "issuer": edx, **state})
         row = rules.add(session, None, given, "1")
     early = client.get(f"{edx}/start", params={"user": "learner-1", "role": "student", "name": "Ada"})
     told("nobody comes before the platform is approved", client.get(early.headers["location"]).status_code == 401)

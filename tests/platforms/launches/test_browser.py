@@ -155,7 +155,7 @@ def register(app: FastAPI, platform: Platform) -> None:
     with app.state.services.database.write() as session:
         row = rules.add(session, None, platform.registration, platform.deployment_id)
         rules.approve(session, None, row.id)
-        context = platforms.context_at(session, row.id, platform.deployment_id, "context-1", "Robotics")
+        context = platforms.get_context(session, row.id, platform.deployment_id, "context-1", "Robotics")
         session.flush()
         rules.link(session, None, context.id, "default")
 

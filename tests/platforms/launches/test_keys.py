@@ -17,7 +17,7 @@ from grader.courses.people.identity import DEFAULT_COURSE
 from grader.errors import Unauthorized
 from grader.platforms.keys import PUBLISHED, ToolKeys
 from grader.platforms.launching.addresses import is_at
-from grader.platforms.launching.fetching import COOL_DOWN_S, FRESH_S, PlatformKeys, keys_in
+from grader.platforms.launching.fetching import COOL_DOWN_S, FRESH_S, PlatformKeys, read_keys
 from grader.platforms.sending.outgoing import Response
 from grader.store.courses import audit_page
 from grader.store.engine.database import Database
@@ -136,7 +136,7 @@ def listed(*keys: Any) -> bytes:
     ],
 )
 def test_which_keys_of_a_set_are_taken(body: bytes, kids: set[str]) -> None:
-    assert set(keys_in(body)) == kids
+    assert set(read_keys(body)) == kids
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -12,7 +12,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic_core import to_json
 from sqlalchemy.orm import Session
 
-from grader.api.learning.submissions import find_visible, seen_by, view_for
+from grader.api.learning.submissions import describe_for, find_visible, read_seen
 from grader.courses.answering.access import LearnerAccess, read_access
 from grader.courses.people.identity import Identity, still_holds
 from grader.courses.rules.policy import Shown
@@ -96,14 +96,14 @@ def read_events(listener: Listener, last: int) -> tuple[list[ServerSentEvent], b
         if over:
             access = read_access_to(session, listener.services, listener.who, submission)
             events = events_shown(session, access, submission, last)
-            blind = seen_by(session, listener.services, listener.who, [submission])
+            blind = read_seen(session, listener.services, listener.who, [submission])
             verdict, name = blind.verdicts.get(submission.id), blind.names.get(submission.id)
             decision = access.decide(submission.quiz, submission.question)
-            shown = view_for(decision, submission, verdict, name, with_answer=False)
+            shown = describe_for(decision, submission, verdict, name, with_answer=False)
         else:  # a verdict that PostgreSQL has committed meanwhile is announced, and read then
             later = submissions.events_after(session, submission.id, last)
             events = [event for event in later if event.name not in submissions.AT_REST]
-    return [as_sent(event, shown) for event in events], over
+    return [serialise_event(event, shown) for event in events], over
 
 
 def read_access_to(session: Session, services: Services, who: Identity, submission: Submission) -> LearnerAccess:
@@ -112,7 +112,7 @@ def read_access_to(session: Session, services: Services, who: Identity, submissi
     return read_access(session, library, who, (submission.quiz, submission.question))
 
 
-def as_sent(event: Event, shown: dict[str, Any]) -> ServerSentEvent:
+def serialise_event(event: Event, shown: dict[str, Any]) -> ServerSentEvent:
     """An event as it is sent. Its JSON is made here, in the thread that reads, and not while the event loop waits."""
     data = to_json(event_data(event, shown), inf_nan_mode="null").decode()
     return ServerSentEvent(id=str(event.number), event=event_name(event, shown), raw_data=data)
@@ -129,7 +129,7 @@ def events_shown(session: Session, access: LearnerAccess, submission: Submission
 
 def event_name(event: Event, shown: dict[str, Any]) -> str:
     """The name of an event: that of a withheld verdict is `needs_review`, as is the status that is shown."""
-    if submissions.case_of(event):
+    if submissions.read_case(event):
         return PROGRESS
     withheld = event.name in submissions.AT_REST and shown["status"] == submissions.NEEDS_REVIEW
     return submissions.NEEDS_REVIEW if withheld else event.name
@@ -140,7 +140,7 @@ def event_data(event: Event, shown: dict[str, Any]) -> dict[str, Any]:
     script that takes long, also the number of the case that it is at, and of all cases; of a long case, `within`."""
     if event.name in submissions.AT_REST:
         return shown
-    if at := submissions.case_of(event):
+    if at := submissions.read_case(event):
         where = {"case": at.case, "cases": at.cases, **({"within": at.within.words} if at.within else {})}
         return {"id": event.submission_id, "status": submissions.RUNNING, **where}
     return {"id": event.submission_id, "status": event.name}

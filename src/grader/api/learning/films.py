@@ -12,7 +12,7 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
 from grader.api.learning.labs import GZIP_LEVEL, respond
-from grader.api.learning.submissions import find_visible, seen_by
+from grader.api.learning.submissions import find_visible, read_seen
 from grader.courses.answering.access import read_access
 from grader.courses.people.identity import Identity
 from grader.courses.rules.policy import redact_json
@@ -52,7 +52,7 @@ def prepare(
     """Returns the digest of the films of a submission, and the call that makes them. Raises NotFound."""
     with services.database.read() as session:
         submission = find_visible(session, submission_id, who)
-        verdict = seen_by(session, services, who, [submission]).verdicts.get(submission.id)
+        verdict = read_seen(session, services, who, [submission]).verdicts.get(submission.id)
         at = submission.quiz, submission.question
         decision = read_access(session, services.content.of(who.course).library, who, at).decide(*at)
     shown = redact_json(verdict, decision) or {}

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 from starlette.exceptions import HTTPException
 
 from grader.api.bodies import RequestBody, ResponseBody
-from grader.api.paging import Page, PageParams, page_of
+from grader.api.paging import Page, PageParams, build_page
 from grader.courses.answering.access import read_access
 from grader.courses.answering.intake import NewAnswer, Receipt
 from grader.courses.answering.stopping import stop
@@ -26,11 +26,11 @@ from grader.courses.rules.policy import Decision, Shown, redact_json
 from grader.courses.rules.progress import Compared, describe_progress
 from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, Conflict, InvalidAnswer, NotFound
-from grader.gate.admission import PREFIX, SUBMISSIONS, authenticate_again, identity_in
+from grader.gate.admission import PREFIX, SUBMISSIONS, authenticate_again, get_identity
 from grader.gate.callers import Learner, api_router
 from grader.gate.late_routes import LateRoute
 from grader.gate.problems import refusals
-from grader.gate.services import AppServices, Services, services_in
+from grader.gate.services import AppServices, Services, get_services
 from grader.store import submissions
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Submission
@@ -108,10 +108,10 @@ class AnswerRoute(LateRoute):
 
         async def handle_or_authenticate(request: Request) -> Response:
             try:
-                identity_in(request.scope).require(*self.roles)
+                get_identity(request.scope).require(*self.roles)
                 return await handle(request)
             except (CallerError, HTTPException, RequestValidationError):
-                await authenticate_again(request.scope, services_in(request.app).database)
+                await authenticate_again(request.scope, get_services(request.app).database)
                 raise
 
         return handle_or_authenticate
@@ -132,7 +132,7 @@ answers = APIRouter(prefix=PREFIX, tags=["submissions"], route_class=AnswerRoute
 )
 async def create_submission(request: Request, body: AnswerBody, idempotency_key: IdempotencyKey = None) -> Response:
     """Hands in an answer: 201 with the verdict if it is instant, else 202."""
-    services, who = services_in(request.app), identity_in(request.scope)
+    services, who = get_services(request.app), get_identity(request.scope)
     answer = await run_in_threadpool(read_answer, services, who, body, idempotency_key)
     return respond_created(SUBMISSIONS, await services.writer.put(answer))
 
@@ -154,8 +154,8 @@ def read_answer(
 def respond_created(path: str, receipt: Receipt) -> Response:
     """The response to an answer that was taken: its submission lies below the path."""
     submission = receipt.submission
-    shown = {"seed": None, **view_for(receipt.decision, submission, receipt.verdict)}
-    headers = {"Location": f"{path}/{submission.id}", "ETag": etag_for(receipt.decision, submission, shown)}
+    shown = {"seed": None, **describe_for(receipt.decision, submission, receipt.verdict)}
+    headers = {"Location": f"{path}/{submission.id}", "ETag": compute_etag_for(receipt.decision, submission, shown)}
     return Response(to_json(shown, inf_nan_mode="null"), receipt.http_status, headers, "application/json")
 
 
@@ -167,19 +167,19 @@ def list_submissions(query: PageParams, who: Learner, services: AppServices, res
     with services.database.read() as session:
         rows = submissions.page(session, wanted, query.start, query.limit + 1)
         access = read_access(session, services.content.of(who.course).library, who)
-        shown = seen_by(session, services, who, rows)
+        shown = read_seen(session, services, who, rows)
     names = shown.names
     if names and (query.user or wanted.learner):  # who asks for a learner by name knows whose it is
         names = {}
         with services.database.write() as session:
             record(session, who, who.course, Action.LOOKED_UP, query.user or query.learner or "")
     items = [
-        view_for(
+        describe_for(
             access.decide(row.quiz, row.question), row, shown.verdicts.get(row.id), names.get(row.id), with_answer=False
         )
         for row in rows
     ]
-    return page_of(items, query, "/submissions", response)
+    return build_page(items, query, "/submissions", response)
 
 
 @router.get("/submissions/{submission_id}", response_model=SubmissionView, responses=refusals(401, 403, 404, 422, 429))
@@ -203,13 +203,13 @@ def build_document(
     session: Session, services: Services, who: Identity, submission: Submission, response: Response
 ) -> dict[str, Any]:
     """One submission as the user may see it now; sets the ETag of the response."""
-    blind = seen_by(session, services, who, [submission])
+    blind = read_seen(session, services, who, [submission])
     at = submission.quiz, submission.question
     decision = read_access(session, services.content.of(who.course).library, who, at).decide(*at)
-    shown = view_for(decision, submission, blind.verdicts.get(submission.id), blind.names.get(submission.id))
+    shown = describe_for(decision, submission, blind.verdicts.get(submission.id), blind.names.get(submission.id))
     if submission.learner == who.id and shown["verdict"] is not None and submission.attempt > 1:
         shown["progress"] = compare_attempts(session, decision, submission, shown["verdict"]) or None
-    response.headers["ETag"] = etag_for(decision, submission, shown)
+    response.headers["ETag"] = compute_etag_for(decision, submission, shown)
     return shown
 
 
@@ -244,12 +244,12 @@ def find_visible(session: Session, submission_id: str, who: Identity) -> Submiss
     return submission
 
 
-def seen_by(session: Session, services: Services, who: Identity, rows: Sequence[Submission]) -> Blinded:
+def read_seen(session: Session, services: Services, who: Identity, rows: Sequence[Submission]) -> Blinded:
     """The newest verdicts of submissions, and pseudonyms, without what an instructor is kept from knowing."""
     return hide_names(services.desk_of(who.course), session, who, rows, submissions.read_verdicts(session, rows))
 
 
-def view_for(
+def describe_for(
     decision: Decision,
     submission: Submission,
     verdict: Any | None,
@@ -297,26 +297,26 @@ def status_with(submission: Submission, verdict: Any | None) -> str:
     return submissions.NEEDS_REVIEW if waits else submissions.GRADED
 
 
-def etag_for(decision: Decision, submission: Submission, shown: dict[str, Any]) -> str:
-    """As `etag_of`, for what a user is shown: a learner's also changes when the policy shows more or less. Before the
-    feedback it depends on what is shown alone, so that it does not tell of a later verdict."""
+def compute_etag_for(decision: Decision, submission: Submission, shown: dict[str, Any]) -> str:
+    """As `compute_etag`, for what a user is shown: a learner's also changes when the policy shows more or less. Before
+    the feedback it depends on what is shown alone, so that it does not tell of a later verdict."""
     level = decision.shown
     if decision.sees_all or level is Shown.FEEDBACK:
-        return etag_of(submission)
+        return compute_etag(submission)
     if level is Shown.RECEIPT:
         verdict = {**(shown["verdict"] or {}), "content_digest": None}  # the key may be all that differs in it
         told = json.dumps([verdict, *(shown[name] for name in ("status", "attempt", "withheld"))])
         return f'"{submission.id[-8:]}-r{zlib.crc32(told.encode()):08x}"'
-    return f'{etag_of(submission)[:-1]}-{zlib.crc32(f"{level}".encode()):08x}"'
+    return f'{compute_etag(submission)[:-1]}-{zlib.crc32(f"{level}".encode()):08x}"'
 
 
 def is_current(submission: Submission, if_match: str) -> bool:
-    """Whether an `If-Match` header names the submission as it is now, by an ETag of `etag_of` or `etag_for`."""
-    version = etag_of(submission)[:-1]
+    """Whether an `If-Match` header names the submission as it is now, by an ETag of either function."""
+    version = compute_etag(submission)[:-1]
     tags = [tag.strip() for tag in if_match.split(",")]
     return "*" in tags or any(tag == f'{version}"' or tag.startswith(f"{version}-") for tag in tags)
 
 
-def etag_of(submission: Submission) -> str:
+def compute_etag(submission: Submission) -> str:
     """Changes whenever the submission does."""
     return f'"{submission.id[-8:]}-{submission.version}"'

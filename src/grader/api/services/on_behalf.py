@@ -22,13 +22,13 @@ from grader.api.learning.submissions import (
     respond_created,
 )
 from grader.courses.answering.intake import NewAnswer
-from grader.courses.people.external import External, check_external, learner_behind
+from grader.courses.people.external import External, check_external, find_learner
 from grader.courses.people.identity import Identity, Role
 from grader.errors import CallerError, NotFound
-from grader.gate.admission import ON_BEHALF, PREFIX, identity_in
+from grader.gate.admission import ON_BEHALF, PREFIX, get_identity
 from grader.gate.callers import Service, api_router
 from grader.gate.problems import refusals
-from grader.gate.services import AppServices, Services, services_in
+from grader.gate.services import AppServices, Services, get_services
 from grader.store import people, submissions
 from grader.store.tables import EXTERNAL_ID, NAME, NAMESPACE
 
@@ -62,7 +62,7 @@ class OnBehalfRoute(AnswerRoute):
             try:
                 return await handle(request)
             except (RequestValidationError, HTTPException):
-                services_in(request.app).admission.by_user.spend(identity_in(request.scope).id)
+                get_services(request.app).admission.by_user.spend(get_identity(request.scope).id)
                 raise
 
         return handle_or_count
@@ -82,7 +82,7 @@ async def create_submission_on_behalf(
     request: Request, body: OnBehalfBody, idempotency_key: IdempotencyKey = None
 ) -> Response:
     """Hands in an answer for a learner, who becomes a member at first sight: 201 with the verdict, else 202."""
-    services, who = services_in(request.app), identity_in(request.scope)
+    services, who = get_services(request.app), get_identity(request.scope)
     try:
         learner = check_external(body.learner.namespace, body.learner.id)
     except CallerError:
@@ -99,10 +99,10 @@ def read_answer_of(
     """As `read_answer`, for a learner, who becomes a member only with an answer that can be read. Raises Forbidden for
     one who was removed."""
     if (body.quiz, body.question) in services.get_pipeline(who).drawn:  # the numbers are the member's
-        member = learner_behind(services.database, who, learner, body.learner.name)
+        member = find_learner(services.database, who, learner, body.learner.name)
         return read_answer(services, member, body, key)
     answer = read_answer(services, who, body, key)
-    return replace(answer, who=learner_behind(services.database, who, learner, body.learner.name))
+    return replace(answer, who=find_learner(services.database, who, learner, body.learner.name))
 
 
 @router.get(

@@ -98,7 +98,7 @@ class PulledView(ResponseBody):
 def list_platforms(_who: Administrator, services: AppServices) -> dict[str, Any]:
     """Lists the platforms of the installation with their deployments."""
     with services.database.read() as session:
-        return {"items": administration.platforms_of(session), "next_cursor": None}
+        return {"items": administration.list_platforms(session), "next_cursor": None}
 
 
 @router.post(
@@ -106,16 +106,16 @@ def list_platforms(_who: Administrator, services: AppServices) -> dict[str, Any]
 )
 def add_platform(body: PlatformBody, who: Administrator, services: AppServices) -> dict[str, Any]:
     """Registers a platform, which then waits for approval."""
-    given = administration.registration_of(body.model_dump())
+    given = administration.read_registration(body.model_dump())
     with services.database.write() as session:
-        return administration.platform_view(session, rules.add(session, who, given, body.deployment_id))
+        return administration.describe_platform(session, rules.add(session, who, given, body.deployment_id))
 
 
 @router.post("/platforms/{platform_id}:approve", response_model=PlatformView, responses=CHANGED)
 def approve_platform(platform_id: RowId, who: Administrator, services: AppServices) -> dict[str, Any]:
     """Approves a platform, and its deployments that wait."""
     with services.database.write() as session:
-        return administration.platform_view(session, rules.approve(session, who, platform_id))
+        return administration.describe_platform(session, rules.approve(session, who, platform_id))
 
 
 @router.delete("/platforms/{platform_id}", status_code=204, responses=CHANGED)
@@ -128,7 +128,7 @@ def remove_platform(platform_id: RowId, who: Administrator, services: AppService
 @router.post("/registrations", status_code=201, response_model=RegistrationView, responses=CHANGED)
 def make_registration_link(_who: Administrator, services: AppServices, request: Request) -> dict[str, Any]:
     """Makes an address to type into a platform that knows dynamic registration."""
-    tool_in(services)
+    get_tool(services)
     with services.database.write() as session:
         return {"url": administration.registration_link(session, services.origin_of(request))}
 
@@ -137,7 +137,7 @@ def make_registration_link(_who: Administrator, services: AppServices, request: 
 def list_contexts(who: Instructor, services: AppServices) -> dict[str, Any]:
     """Lists the platforms' courses that are linked with this course, or ask to be."""
     with services.database.read() as session:
-        return {"items": administration.contexts_of(session, who.course), "next_cursor": None}
+        return {"items": administration.list_contexts(session, who.course), "next_cursor": None}
 
 
 @router.put("/contexts/{context_id}/link", status_code=204, responses=CHANGED)
@@ -159,11 +159,11 @@ def unlink_context(context_id: RowId, who: Instructor, services: AppServices) ->
 @router.post("/contexts/{context_id}:roster", response_model=PulledView, responses=CHANGED)
 async def pull_roster(context_id: RowId, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Pulls the members of a platform's course into this one."""
-    pulled = await administration.pull_roster(services.database, tool_in(services).authorized, who, context_id)
+    pulled = await administration.pull_roster(services.database, get_tool(services).authorized, who, context_id)
     return vars(pulled)
 
 
-def tool_in(services: Services) -> Tool:
+def get_tool(services: Services) -> Tool:
     """The LTI tool. Raises NotFound, which says what to install."""
     if services.tool is None:
         raise NotFound(MISSING)

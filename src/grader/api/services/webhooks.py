@@ -8,7 +8,7 @@ from pydantic import ConfigDict, Field
 from sqlalchemy import ColumnElement
 
 from grader.api.bodies import RequestBody, ResponseBody
-from grader.api.paging import NO_NUL, CursorQuery, Page, page_of
+from grader.api.paging import NO_NUL, CursorQuery, Page, build_page
 from grader.courses.sending import outbox, webhooks
 from grader.domain.addresses import LENGTH
 from grader.errors import NotFound
@@ -93,14 +93,14 @@ def create_webhook(body: WebhookBody, who: Staff, services: AppServices, respons
     with services.database.write() as session:
         made = webhooks.create(services.database, session, who, body.url, services.settings.private_hosts)
         response.headers["Location"] = f"{PREFIX}/webhooks/{made.id}"
-        return webhook_view(made) | {"secret": made.secret}
+        return describe_webhook(made) | {"secret": made.secret}
 
 
 @router.get("/webhooks", response_model=Page[WebhookView], responses=refusals(401, 403, 429))
 def list_webhooks(who: Staff, services: AppServices) -> dict[str, Any]:
     """Lists the webhooks of the course, oldest first; never their secrets."""
     with services.database.read() as session:
-        items = [webhook_view(webhook) for webhook in stored.list_webhooks(session, who.course)]
+        items = [describe_webhook(webhook) for webhook in stored.list_webhooks(session, who.course)]
     return {"items": items, "next_cursor": None}
 
 
@@ -108,7 +108,7 @@ def list_webhooks(who: Staff, services: AppServices) -> dict[str, Any]:
 def show_webhook(webhook_id: str, who: Staff, services: AppServices) -> dict[str, Any]:
     """Shows a webhook, without its secrets."""
     with services.database.read() as session:
-        return webhook_view(webhooks.get(session, webhook_id, who.course))
+        return describe_webhook(webhooks.get(session, webhook_id, who.course))
 
 
 @router.delete("/webhooks/{webhook_id}", status_code=204, responses=refusals(401, 403, 404, 422, 429))
@@ -123,14 +123,14 @@ def rotate_webhook_secret(webhook_id: str, who: Staff, services: AppServices) ->
     """Gives a webhook a new secret, shown this once. For a day messages bear signatures of both."""
     with services.database.write() as session:
         destination = webhooks.rotate(session, who, webhook_id)
-        return webhook_view(destination) | {"secret": destination.secret}
+        return describe_webhook(destination) | {"secret": destination.secret}
 
 
 @router.post("/webhooks/{webhook_id}:enable", response_model=WebhookView, responses=refusals(401, 403, 404, 422, 429))
 def enable_webhook(webhook_id: str, who: Staff, services: AppServices) -> dict[str, Any]:
     """Delivers again to a receiver that had answered 410."""
     with services.database.write() as session:
-        return webhook_view(webhooks.enable(session, who, webhook_id))
+        return describe_webhook(webhooks.enable(session, who, webhook_id))
 
 
 @router.post("/webhooks/{webhook_id}:replay", response_model=Replayed, responses=refusals(401, 403, 404, 409, 422, 429))
@@ -148,8 +148,8 @@ def list_deliveries(
     """Lists what was delivered, waits, or could not be delivered (`?state=dead`): webhooks and scores."""
     with services.database.read() as session:
         rows = stored.page(session, query.where(who.course), query.read_number(DIGITS), query.limit + 1)
-        items = [delivery_view(row, kind) for row, kind in rows]
-    return page_of(items, query, "/deliveries", response)
+        items = [describe_delivery(row, kind) for row, kind in rows]
+    return build_page(items, query, "/deliveries", response)
 
 
 @router.post(
@@ -161,16 +161,16 @@ def replay_delivery(delivery_id: str, who: Staff, services: AppServices) -> dict
         raise NotFound("There is no such delivery.")
     with services.database.write() as session:
         row = outbox.replay(session, who, int(delivery_id), who.course)
-        return delivery_view(row, session.get_one(Destination, row.destination).kind)
+        return describe_delivery(row, session.get_one(Destination, row.destination).kind)
 
 
-def webhook_view(destination: Destination) -> dict[str, Any]:
+def describe_webhook(destination: Destination) -> dict[str, Any]:
     """A webhook as plain JSON."""
     names = ("id", "url", "created_by", "created_at", "disabled_at", "why_disabled")
     return {name: getattr(destination, name) for name in names} | {"old_secret_until": destination.old_until}
 
 
-def delivery_view(row: Delivery, kind: str) -> dict[str, Any]:
+def describe_delivery(row: Delivery, kind: str) -> dict[str, Any]:
     """A delivery as plain JSON; `id` is text, as everywhere."""
     names = ("destination", "learner", "quiz", "state", "attempts", "error", "noted_at", "next_at", "sent_at")
     shown = {name: getattr(row, name) for name in names}

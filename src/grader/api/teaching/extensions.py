@@ -43,7 +43,7 @@ def list_extensions(quiz_id: str, who: Instructor, services: AppServices) -> dic
     """Lists the extensions in a quiz, in the order of the learners' names."""
     services.content.of(who.course).library.quiz(quiz_id)
     with services.database.read() as session:
-        items = [extension_view(row, name) for row, name in extensions.of_quiz(session, who.course, quiz_id)]
+        items = [describe_extension(row, name) for row, name in extensions.list_of_quiz(session, who.course, quiz_id)]
     return {"items": items, "next_cursor": None}
 
 
@@ -55,13 +55,13 @@ def put_extension(quiz_id: str, body: ExtensionBody, who: Instructor, services: 
     granted = Extension(due=body.due, until=body.until, attempts=body.attempts)
     library = services.content.of(who.course).library
     with services.database.write() as session:
-        learner = learner_of(session, body, who)
+        learner = find_learner(session, body, who)
         results.grant(services.database, library, session, learner, quiz_id, granted=granted, by=who)
         given = {"learner": learner.id, "user": learner.name}
     return {**given, **granted.model_dump(mode="json"), "granted_by": who.user}
 
 
-def learner_of(session: Session, body: ExtensionBody, who: Identity) -> Member:
+def find_learner(session: Session, body: ExtensionBody, who: Identity) -> Member:
     """The learner whom the body names. Raises NotFound for an unknown id, Unprocessable, and Forbidden. A restricted
     token extends students alone, and brings back nobody who was removed."""
     if body.learner is None:
@@ -98,7 +98,7 @@ def recount_results(quiz_id: str, who: Instructor, services: AppServices) -> dic
     return {"recounted": results.recount_quiz(services.database, library, who.course, quiz_id)}
 
 
-def extension_view(row: ExtensionRow, user: str) -> dict[str, Any]:
+def describe_extension(row: ExtensionRow, user: str) -> dict[str, Any]:
     """An extension as plain JSON; `user` is the learner's name."""
     names = ("learner", "due", "until", "attempts", "granted_by", "created_at")
     return {"user": user} | {name: getattr(row, name) for name in names}

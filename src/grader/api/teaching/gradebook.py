@@ -13,12 +13,12 @@ from fastapi import Query
 from fastapi.responses import Response
 from sqlalchemy.orm import Session
 
-from grader.courses.people.namesakes import marks_in
-from grader.courses.reviewing.blinding import unseen_by
+from grader.courses.people.namesakes import make_marks
+from grader.courses.reviewing.blinding import find_unseen
 from grader.courses.rules.gradebook import Column, Form, Row, Unit, gradebook_csv
 from grader.domain.pages.markup import plain_text
 from grader.gate.callers import IfNoneMatch, Staff, api_router
-from grader.gate.conditional import etag_of, is_unchanged
+from grader.gate.conditional import compute_etag, is_unchanged
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
 from grader.questions import Question, Quiz
@@ -59,16 +59,18 @@ def export_gradebook(
     """
     library = services.content.of(who.course).library
     quizzes = list(library.quizzes.values()) if quiz is None else [library.quiz(quiz)]
-    columns = columns_of(quizzes) if by is Unit.QUESTION else quiz_columns(quizzes)
+    columns = list_columns(quizzes) if by is Unit.QUESTION else quiz_columns(quizzes)
     ids = [quiz.id for quiz in quizzes]
     with services.database.read() as session:
         instructors = results.list_instructors(session, who.course)
         state = results.read_state(session, who.course, ids)
-        unseen = unseen_by(session, who).results
-        marks = marks_in(session, who.course) if form is Form.CANVAS else {}
-        absent = [row_of(member.id, member, {}, marks) for member in people.without_results(session, who.course, ids)]
+        unseen = find_unseen(session, who).results
+        marks = make_marks(session, who.course) if form is Form.CANVAS else {}
+        absent = [
+            build_row(member.id, member, {}, marks) for member in people.list_without_results(session, who.course, ids)
+        ]
         known_now = sorted(instructors), state, sorted(unseen), absent, sorted(marks)
-        etag = etag_of(who.course, form, bom, columns, known_now)
+        etag = compute_etag(who.course, form, bom, columns, known_now)
         if is_unchanged(known, etag):
             return Response(status_code=304, headers={"ETag": etag})
         present = read_rows(session, who.course, ids, instructors, unseen, marks=marks)
@@ -80,10 +82,10 @@ def export_gradebook(
     return Response(body, media_type="text/csv; charset=utf-8", headers=headers)
 
 
-def columns_of(quizzes: Sequence[Quiz]) -> list[Column]:
+def list_columns(quizzes: Sequence[Quiz]) -> list[Column]:
     """A column for every question."""
     return [
-        Column(quiz.id, question.id, title_of(quiz, question), question.points)
+        Column(quiz.id, question.id, write_title(quiz, question), question.points)
         for quiz in quizzes
         for question in quiz.questions
     ]
@@ -108,7 +110,7 @@ def sum_up(row: Row, quizzes: Sequence[Quiz]) -> Row:
     return row._replace(points=sums)
 
 
-def title_of(quiz: Quiz, question: Question) -> str:
+def write_title(quiz: Quiz, question: Question) -> str:
     """What an LMS calls the assignment of a question: its own title, else that of the quiz and its id."""
     own = question.title or question.label
     return plain_text(own) if own else f"{plain_text(quiz.title)}: {question.id}"
@@ -133,7 +135,7 @@ def read_rows(
             points = {
                 place: value for of in each for place, value in of.items() if place not in hidden.get(learner, ())
             }
-        rows.append(row_of(learner, first, points, marks))
+        rows.append(build_row(learner, first, points, marks))
     return sorted(rows, key=attrgetter("user", "id"))
 
 
@@ -143,7 +145,7 @@ def points_of(quiz: str, points: str) -> Mapping[tuple[str, str], float]:
     return {(quiz, question): one for question, one in json.loads(points).items()}
 
 
-def row_of(learner: str, known: Any, points: Mapping[tuple[str, str], float], marks: Mapping[str, str]) -> Row:
+def build_row(learner: str, known: Any, points: Mapping[tuple[str, str], float], marks: Mapping[str, str]) -> Row:
     """The row of the learner with this id; `known` has the name and the columns `results.KNOWN` of a member. `marks`
     has those of learners whose name another bears too."""
     is_named = known.account is not None and known.account.startswith(NAMED)

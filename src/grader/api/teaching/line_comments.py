@@ -42,7 +42,7 @@ def list_line_comments(submission_id: str, who: Learner, services: AppServices) 
         submission = find_visible(session, submission_id, who)
         is_shown = who.is_instructor or is_released(session, services, who, submission)
         comments = on_submissions(session, [submission.id]).get(submission.id, []) if is_shown else []
-    return {"items": [line_comment_view(comment) for comment in comments], "next_cursor": None}
+    return {"items": [describe_comment(comment) for comment in comments], "next_cursor": None}
 
 
 @router.post(COMMENTS, status_code=201, responses=refusals(401, 403, 404, 413, 422, 429))
@@ -51,7 +51,7 @@ def write_line_comment(submission_id: str, body: LineBody, who: Instructor, serv
     with services.database.write() as session:
         row = find_visible(session, submission_id, who)
         (comment,) = line_comments.write_comment(session, who, [(row, body.line)], body.text)
-    return line_comment_view(comment)
+    return describe_comment(comment)
 
 
 @router.delete(COMMENTS + "/{line_comment_id}", status_code=204, responses=refusals(401, 403, 404, 422, 429))
@@ -67,6 +67,6 @@ def is_released(session: Session, services: Services, who: Identity, submission:
     return read_access(session, services.content.of(who.course).library, who, at).decide(*at).withheld is None
 
 
-def line_comment_view(comment: LineComment) -> dict[str, Any]:
+def describe_comment(comment: LineComment) -> dict[str, Any]:
     """A comment as plain JSON."""
     return {name: getattr(comment, name) for name in ("id", "line", "text", "name", "created_at")}

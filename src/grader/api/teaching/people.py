@@ -9,13 +9,13 @@ from pydantic import ConfigDict, Field
 from sqlalchemy.orm import Session
 
 from grader.api.bodies import RequestBody
-from grader.api.paging import NO_NUL, CursorQuery, Page, page_of
+from grader.api.paging import NO_NUL, CursorQuery, Page, build_page
 from grader.api.views import AuditView, CourseView, CredentialView, MemberView, NewInvitation, NewToken
 from grader.courses.people import invitations, members, tokens
 from grader.courses.people.external import known_as
 from grader.courses.people.identity import Role, Scope
 from grader.courses.people.invitations import Invitation
-from grader.courses.reviewing.blinding import Unseen, seen_detail, unseen_by
+from grader.courses.reviewing.blinding import Unseen, find_unseen, limit_detail
 from grader.errors import NotFound, Unprocessable
 from grader.gate.callers import Instructor, api_router
 from grader.gate.problems import refusals
@@ -67,8 +67,8 @@ def list_members(query: ListParams, who: Instructor, services: AppServices, resp
     """Lists the members of the course in the order of their ids."""
     with services.database.read() as session:
         found = stored_people.page(session, who.course, query.start, query.limit + 1)
-        views = member_views(session, who.course, found)
-    return page_of(views, query, "/members", response)
+        views = describe_members(session, who.course, found)
+    return build_page(views, query, "/members", response)
 
 
 @router.patch("/members/{member_id}", response_model=MemberView, responses=refusals(401, 403, 404, 409, 413, 422, 429))
@@ -84,7 +84,7 @@ def change_member(member_id: str, body: MemberBody, who: Instructor, services: A
             members.set_name(session, who, member_id, body.name)
         if body.role is not None:
             members.change_role(session, who, member_id, body.role)
-        return member_views(session, who.course, [session.get_one(Member, member_id)])[0]
+        return describe_members(session, who.course, [session.get_one(Member, member_id)])[0]
 
 
 @router.delete("/members/{member_id}", status_code=204, responses=refusals(401, 403, 404, 409, 422, 429))
@@ -126,7 +126,7 @@ def create_invitations(
                 raise NotFound("There is no such member.")
             made = [invitations.invite_member(session, who, member)]
     origin = services.origin_of(request)
-    return {"items": [invitation_view(invitation, origin) for invitation in made], "next_cursor": None}
+    return {"items": [describe_invitation(invitation, origin) for invitation in made], "next_cursor": None}
 
 
 @router.delete("/invitations/{invitation_id}", status_code=204, responses=refusals(401, 403, 404, 422, 429))
@@ -170,7 +170,7 @@ def revoke_token(token_id: str, who: Instructor, services: AppServices) -> None:
 def show_course(who: Instructor, services: AppServices, request: Request) -> dict[str, Any]:
     """The course, and the link with which learners join it; null while it is closed to them."""
     with services.database.read() as session:
-        link = stored_courses.link_of(session, who.course)
+        link = stored_courses.find_link(session, who.course)
     return {"course": who.course, "join_url": None if link is None else join_url(services, request, link.code)}
 
 
@@ -195,8 +195,8 @@ def list_audit_entries(query: ListParams, who: Instructor, services: AppServices
     before = None if query.cursor is None else query.read_number()
     with services.database.read() as session:
         found = stored_courses.audit_page(session, who.course, before, query.limit + 1)
-        unseen = unseen_by(session, who)
-    return page_of([entry_view(entry, unseen) for entry in found], query, "/audit", response)
+        unseen = find_unseen(session, who)
+    return build_page([describe_entry(entry, unseen) for entry in found], query, "/audit", response)
 
 
 def join_url(services: Services, request: Request, code: str) -> str:
@@ -204,12 +204,12 @@ def join_url(services: Services, request: Request, code: str) -> str:
     return f"{services.origin_of(request)}/join?code={code}"
 
 
-def member_views(session: Session, course: str, members: Sequence[Member]) -> list[dict[str, Any]]:
+def describe_members(session: Session, course: str, members: Sequence[Member]) -> list[dict[str, Any]]:
     """Members as JSON, each with where they come from."""
-    launched = platforms.courses_of(session, [member.id for member in members])
+    launched = platforms.find_courses(session, [member.id for member in members])
     sharing = stored_people.sharing_email(session, course, members)
     return [
-        member_view(member)
+        describe_member(member)
         | {
             "platforms": [{"platform": name, "course": title} for name, title in launched.get(member.id, ())],
             "same_email": sharing.get(member.id, []),
@@ -218,14 +218,14 @@ def member_views(session: Session, course: str, members: Sequence[Member]) -> li
     ]
 
 
-def member_view(member: Member) -> dict[str, Any]:
+def describe_member(member: Member) -> dict[str, Any]:
     """A member as JSON. `way_in` is name, oidc, lms, lti or browser: how the member is found again."""
     way_in = "browser" if member.account is None else member.account.partition(":")[0]
     shown = {name: getattr(member, name) for name in ("id", "name", "named_by", "role", "created_at", "email")}
     return shown | {"way_in": way_in, "learner": vars(known_as(member))}
 
 
-def invitation_view(invitation: Invitation, origin: str) -> dict[str, Any]:
+def describe_invitation(invitation: Invitation, origin: str) -> dict[str, Any]:
     """A new invitation with its link."""
     return {
         "id": invitation.code.split("_")[1],
@@ -237,7 +237,7 @@ def invitation_view(invitation: Invitation, origin: str) -> dict[str, Any]:
     }
 
 
-def entry_view(entry: AuditEntry, unseen: Unseen) -> dict[str, Any]:
+def describe_entry(entry: AuditEntry, unseen: Unseen) -> dict[str, Any]:
     """An entry of the audit log as JSON, without first marks that are unseen; `id` is text, as everywhere."""
     shown = {name: getattr(entry, name) for name in ("at", "actor", "name", "action", "subject")}
-    return {"id": str(entry.id)} | shown | {"detail": seen_detail(entry, unseen)}
+    return {"id": str(entry.id)} | shown | {"detail": limit_detail(entry, unseen)}

@@ -69,14 +69,14 @@ def put_policy(
         raise Unconditional("Name the ETag of the policy in If-Match.")
     changed = change_policy(
         services.database, library, who, quiz, body.model_dump(exclude_unset=True),
-        is_current=lambda now: is_unchanged(if_match, etag_of(now)),
+        is_current=lambda now: is_unchanged(if_match, compute_etag(now)),
     )  # fmt: skip
     return describe_policy(changed, response)
 
 
 def describe_policy(policy: CoursePolicy, response: Response) -> dict[str, Any]:
     """The policy as plain JSON; sets the ETag of the response."""
-    response.headers["ETag"] = etag_of(policy)
+    response.headers["ETag"] = compute_etag(policy)
     return {
         "quiz": policy.quiz,
         "policy": policy.in_force,
@@ -88,6 +88,6 @@ def describe_policy(policy: CoursePolicy, response: Response) -> dict[str, Any]:
     }
 
 
-def etag_of(policy: CoursePolicy) -> str:
+def compute_etag(policy: CoursePolicy) -> str:
     """Changes whenever a value does."""
     return f'"{policy.version}"'

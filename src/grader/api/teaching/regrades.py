@@ -7,7 +7,7 @@ from fastapi import Query, Response
 from pydantic import Field
 
 from grader.api.bodies import RequestBody, ResponseBody
-from grader.api.paging import NO_NUL, CursorQuery, Page, next_link, page_of, write_cursor
+from grader.api.paging import NO_NUL, CursorQuery, Page, build_page, next_link, write_cursor
 from grader.courses.regrading import regrades
 from grader.courses.regrading.regrades import IDS_MAX, Scope, Wanted, describe_regrade
 from grader.courses.reviewing.blinding import blinded_differences
@@ -100,7 +100,7 @@ def list_regrades(
     with services.database.read() as session:
         found = stored.page(session, who.course, query.start, query.limit + 1)
         items = [describe_regrade(regrade, stored.count_by_outcome(session, regrade)) for regrade in found]
-    return page_of(items, query, "/regrades", response)
+    return build_page(items, query, "/regrades", response)
 
 
 @router.get("/regrades/{regrade_id}", response_model=RegradePage, responses=refusals(401, 403, 404, 422, 429))

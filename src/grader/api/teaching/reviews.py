@@ -9,14 +9,14 @@ from pydantic import Field, model_validator
 from sqlalchemy.orm import Session
 
 from grader.api.bodies import RequestBody, ResponseBody
-from grader.api.learning.submissions import SubmissionView, describe_submission, etag_of, find_visible, is_current
-from grader.api.paging import NO_NUL, Page, PageParams, PageQuery, page_of
-from grader.api.teaching.saved_comments import comment_view
+from grader.api.learning.submissions import SubmissionView, compute_etag, describe_submission, find_visible, is_current
+from grader.api.paging import NO_NUL, Page, PageParams, PageQuery, build_page
+from grader.api.teaching.saved_comments import describe_comment
 from grader.courses.people.identity import Identity
 from grader.courses.reviewing import reviews, rubric_changes
 from grader.courses.reviewing.blinding import hide_names
 from grader.courses.reviewing.comments import REVIEW_CHARACTERS_MAX
-from grader.courses.rules.rubric import Mark, rubric_of
+from grader.courses.rules.rubric import Mark, get_rubric
 from grader.domain.rubric import ITEMS_MAX
 from grader.errors import Outdated, Unconditional
 from grader.gate.callers import Instructor, api_router
@@ -25,7 +25,7 @@ from grader.gate.services import AppServices, Services
 from grader.questions import kind_of
 from grader.store import submissions
 from grader.store.reviewing import reviews as stored
-from grader.store.reviewing.reviews import comments_on
+from grader.store.reviewing.reviews import find_comments
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Review, ReviewClaim, Submission, now
 
@@ -124,11 +124,11 @@ def list_reviews(
     """
     wanted = SubmissionFilter(who.course, query.user, query.quiz, query.question)
     with services.database.read() as session:
-        queue = reviews.queue_of(services.desk_of(who.course), session, wanted, who.id if query.second else None)
+        queue = reviews.list_queue(services.desk_of(who.course), session, wanted, who.id if query.second else None)
         waiting = stored.page(session, queue, query.start, query.limit + 1, now())
         shown = describe_for_reviewer(session, services, who, [submission for submission, _ in waiting])
-    items = [{**one, "claim": claim_view(claim)} for one, (_, claim) in zip(shown, waiting, strict=True)]
-    return page_of(items, query, "/reviews", response)
+    items = [{**one, "claim": describe_claim(claim)} for one, (_, claim) in zip(shown, waiting, strict=True)]
+    return build_page(items, query, "/reviews", response)
 
 
 @router.get("/reviews/disagreements", response_model=Page, responses=refusals(401, 403, 422, 429))
@@ -142,7 +142,7 @@ def list_disagreements(query: PageParams, who: Instructor, services: AppServices
         found = stored.list_disagreements(session, wanted, query.start, query.limit + 1)
         shown = describe_for_reviewer(session, services, who, [submission for submission, _ in found])
     items = [{**one, **both_marks(review)} for one, (_, review) in zip(shown, found, strict=True)]
-    return page_of(items, query, "/reviews/disagreements", response)
+    return build_page(items, query, "/reviews/disagreements", response)
 
 
 @router.post("/reviews:claim", response_model=ReviewView, responses=refusals(401, 403, 404, 409, 413, 422, 429))
@@ -158,13 +158,13 @@ def claim_review(body: ClaimBody, who: Instructor, services: AppServices, respon
             submission = find_visible(session, body.submission_id, who)
         else:
             wanted = SubmissionFilter(who.course, None, body.quiz, body.question)
-            queue = reviews.queue_of(desk, session, wanted, who.id if body.second else None)
+            queue = reviews.list_queue(desk, session, wanted, who.id if body.second else None)
             submission = reviews.next_to_claim(session, queue, who)
         claim = reviews.claim(session, who, submission, second=body.second)
         (shown,) = describe_for_reviewer(session, services, who, [submission], with_answer=True)
         shown |= gather_helps(session, services, submission)
-    response.headers["ETag"] = etag_of(submission)
-    return {**shown, "claim": claim_view(claim)}
+    response.headers["ETag"] = compute_etag(submission)
+    return {**shown, "claim": describe_claim(claim)}
 
 
 @router.post("/reviews:heartbeat", responses=refusals(401, 403, 404, 409, 413, 422, 429))
@@ -172,7 +172,7 @@ def prolong_claim(body: HeldBody, who: Instructor, services: AppServices) -> dic
     """Prolongs the caller's claim to 15 minutes from now. 409 once it has ended."""
     with services.database.write() as session:
         services.desk_of(who.course).lock(session, who.course)
-        return claim_view(reviews.prolong(session, who, find_visible(session, body.submission_id, who))) or {}
+        return describe_claim(reviews.prolong(session, who, find_visible(session, body.submission_id, who))) or {}
 
 
 @router.post("/reviews:release", status_code=204, responses=refusals(401, 403, 404, 413, 422, 429))
@@ -203,9 +203,9 @@ def show_review(submission_id: str, who: Instructor, services: AppServices, resp
         submission = find_visible(session, submission_id, who)
         (shown,) = describe_for_reviewer(session, services, who, [submission], with_answer=True)
         shown |= gather_helps(session, services, submission)
-        claim = stored.claim_on(session, submission.id, now())
-    response.headers["ETag"] = etag_of(submission)
-    return {**shown, "claim": claim_view(claim)}
+        claim = stored.find_claim(session, submission.id, now())
+    response.headers["ETag"] = compute_etag(submission)
+    return {**shown, "claim": describe_claim(claim)}
 
 
 @router.put("/submissions/{submission_id}/review", response_model=SubmissionView, responses=DECIDING)
@@ -227,7 +227,7 @@ def put_review(
         reviews.decide(desk, session, who, submission, body.mark)
         session.flush()
         (shown,) = describe_for_reviewer(session, services, who, [submission], with_answer=True)
-    response.headers["ETag"] = etag_of(submission)
+    response.headers["ETag"] = compute_etag(submission)
     return shown
 
 
@@ -268,8 +268,8 @@ def gather_helps(session: Session, services: Services, submission: Submission) -
     at = (submission.course, submission.quiz, submission.question)
     return {
         "reference": None if question is None else kind_of(question).reference(question),
-        "rubric": [] if question is None else [item.model_dump() for item in rubric_of(question)],
-        "comments": [comment_view(comment) for comment in comments_on(session, *at)],
+        "rubric": [] if question is None else [item.model_dump() for item in get_rubric(question)],
+        "comments": [describe_comment(comment) for comment in find_comments(session, *at)],
     }
 
 
@@ -281,7 +281,7 @@ def refuse_outdated(submission: Submission, if_match: str | None) -> None:
         raise Outdated(CHANGED)
 
 
-def claim_view(claim: ReviewClaim | None) -> dict[str, Any] | None:
+def describe_claim(claim: ReviewClaim | None) -> dict[str, Any] | None:
     """The reviewer who holds a submission, and until when."""
     return None if claim is None else {"by": claim.name, "expires_at": claim.expires_at}
 

@@ -11,7 +11,7 @@ from grader.courses.reviewing import comments
 from grader.gate.callers import Instructor, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
-from grader.store.reviewing.reviews import comments_on
+from grader.store.reviewing.reviews import find_comments
 from grader.store.tables import SavedComment
 
 router = api_router("reviews")
@@ -39,8 +39,8 @@ class CommentBody(TextBody):
 def list_comments(quiz: Name, question: Name, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Lists the comments saved for a question of the course, oldest first."""
     with services.database.read() as session:
-        found = comments_on(session, who.course, quiz, question)
-    return {"items": [comment_view(comment) for comment in found], "next_cursor": None}
+        found = find_comments(session, who.course, quiz, question)
+    return {"items": [describe_comment(comment) for comment in found], "next_cursor": None}
 
 
 @router.post("/reviews/comments", status_code=201, responses=refusals(401, 403, 404, 409, 413, 422, 429))
@@ -49,14 +49,14 @@ def save_comment(body: CommentBody, who: Instructor, services: AppServices) -> d
     services.content.of(who.course).library.question(body.quiz, body.question)
     with services.database.write() as session:
         kept = comments.save(services.database, session, who, (body.quiz, body.question), body.text)
-    return comment_view(kept)
+    return describe_comment(kept)
 
 
 @router.put("/reviews/comments/{comment_id}", responses=refusals(401, 403, 404, 413, 422, 429))
 def change_comment(comment_id: str, body: TextBody, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Changes the text of a comment; reviews that used it stay as they are."""
     with services.database.write() as session:
-        return comment_view(comments.change(session, who, comment_id, body.text))
+        return describe_comment(comments.change(session, who, comment_id, body.text))
 
 
 @router.delete("/reviews/comments/{comment_id}", status_code=204, responses=refusals(401, 403, 404, 422, 429))
@@ -66,6 +66,6 @@ def delete_comment(comment_id: str, who: Instructor, services: AppServices) -> N
         comments.delete(session, who, comment_id)
 
 
-def comment_view(comment: SavedComment) -> dict[str, Any]:
+def describe_comment(comment: SavedComment) -> dict[str, Any]:
     """A saved comment as plain JSON."""
     return {name: getattr(comment, name) for name in ("id", "quiz", "question", "text", "saved_by", "saved_at")}

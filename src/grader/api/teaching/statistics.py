@@ -10,7 +10,7 @@ from grader.api.views import StatisticsView
 from grader.courses.reporting.quiz_statistics import QuizStatistics
 from grader.courses.rules.statistics import QuestionStatistics
 from grader.gate.callers import IfNoneMatch, Instructor, api_router
-from grader.gate.conditional import etag_of, is_unchanged
+from grader.gate.conditional import compute_etag, is_unchanged
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices
 
@@ -23,14 +23,14 @@ router = api_router("results")
 def show_statistics(quiz_id: str, who: Instructor, services: AppServices, known: IfNoneMatch = "") -> Response:
     """Tells how hard each question is, how well it discriminates, and what goes wrong, with numbers of learners."""
     version = services.statistics.version(services.content.of(who.course).library, quiz_id, who)
-    etag = etag_of(version.parts)
+    etag = compute_etag(version.parts)
     if is_unchanged(known, etag):
         return Response(status_code=304, headers={"ETag": etag})
-    body = as_json(quiz_id, services.statistics.compute(version))
+    body = describe_statistics(quiz_id, services.statistics.compute(version))
     return Response(body, media_type="application/json", headers={"ETag": etag})
 
 
-def as_json(quiz: str, statistics: QuizStatistics) -> bytes:
+def describe_statistics(quiz: str, statistics: QuizStatistics) -> bytes:
     """The statistics of a quiz as JSON."""
     questions = [build_item(question) for question in statistics.questions]
     return json.dumps({"quiz": quiz, "learners": statistics.learners, "questions": questions}).encode()

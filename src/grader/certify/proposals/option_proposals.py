@@ -172,9 +172,9 @@ def list_rankings(
     runs = [run_setting(lab, scene, setting) for setting in settings]
     for index, one in enumerate(shown):
         for expr, change in ((one.expr, np.asarray), (f"Math.abs({one.expr})", np.abs)):
-            tops = [top_of(run, index, change) for run in runs]
+            tops = [find_top(run, index, change) for run in runs]
             if not np.isfinite(tops).all() or (
-                change is np.abs and tops == [top_of(run, index, np.asarray) for run in runs]
+                change is np.abs and tops == [find_top(run, index, np.asarray) for run in runs]
             ):
                 continue
             order = sorted(tops, reverse=name == "max")
@@ -195,7 +195,7 @@ def run_setting(lab: Any, scene: LabScene, setting: Setting | None) -> LabRun:
     return run_experiment(lab, scene.xml, setting, seconds=scene.seconds, variant=Variant(every_step=True), keys={})
 
 
-def top_of(run: LabRun, index: int, change: Any) -> float:
+def find_top(run: LabRun, index: int, change: Any) -> float:
     """Returns the largest value of a readout; NaN where MuJoCo reset the run."""
     values = change(read_numbers(run.readouts[index]))
     return float("nan") if run.warnings else measure("max", np.array(run.times), values)

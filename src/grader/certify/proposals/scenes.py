@@ -82,7 +82,7 @@ class LabScene:
             found.setdefault(readout.expr, read_label(readout.expr, readout.label, readout.unit or ""))
         for plot in self.lab.plots:
             for trace in plot.traces:
-                found.setdefault(trace.expr, read_label(trace.expr, trace.label, unit_of(plot.ylabel or "")))
+                found.setdefault(trace.expr, read_label(trace.expr, trace.label, read_label_unit(plot.ylabel or "")))
         return list(found.values())[:SHOWN_MAX]
 
     def list_joints(self) -> list[Shown]:
@@ -174,10 +174,10 @@ def write_value(value: OptionValue | None) -> str:
 def read_label(expr: str, label: str, unit: str) -> Shown:
     """Returns an expression with its label as plain text, without the unit in brackets at its end."""
     text = plain_text(label)
-    return Shown(expr, IN_BRACKETS.sub("", text) or text, unit or unit_of(text))
+    return Shown(expr, IN_BRACKETS.sub("", text) or text, unit or read_label_unit(text))
 
 
-def unit_of(label: str) -> str:
+def read_label_unit(label: str) -> str:
     """Returns what stands in brackets at the end of a label: the unit of `angle (rad)`."""
     match = IN_BRACKETS.search(plain_text(label))
     return match[1].strip() if match else ""

@@ -115,12 +115,12 @@ def read_access(session: Session, library: Library, who: Identity, at: tuple[str
     if at is None:
         progress = submissions.compute_progress(session, who.course, who.id)
     else:
-        progress = {at: submissions.progress_at(session, who.course, who.id, *at)}
+        progress = {at: submissions.compute_progress_at(session, who.course, who.id, *at)}
     policies = read_policies(session, library, who.course, library.quizzes if at is None else at[:1])
     question = None if at is None else at[1]
     extensible = [quiz for quiz, policy in policies.items() if may_be_extended(policy, library.quiz(quiz), question)]
     unpublished = [quiz for quiz, policy in policies.items() if policy.feedback == "after_publish"]
-    extended = extensions.of_learner(session, who.course, who.id, extensible) if extensible else {}
+    extended = extensions.list_of_learner(session, who.course, who.id, extensible) if extensible else {}
     published = extensions.find_published(session, who.course, unpublished) if unpublished else {}
     return LearnerAccess(library, policies, who.role, now(), progress, extended, published)
 
@@ -134,7 +134,7 @@ def may_be_extended(policy: Policy, quiz: Quiz, question: str | None) -> bool:
 def describe_progress(session: Session, access: LearnerAccess, who: Identity, quiz: Quiz) -> dict[str, dict[str, Any]]:
     """The learner's progress by question, as plain JSON: attempts, dates, and what counts once it may be seen. `notice`
     says the same in sentences, for pages."""
-    stored = results.of_learner(session, who.course, who.id, quiz.id)
+    stored = results.find_of_learner(session, who.course, who.id, quiz.id)
     return {part.id: describe_progress_at(access, quiz, part, stored.get(part.id)) for part in quiz.questions}
 
 

@@ -21,7 +21,7 @@ from grader.library import Library
 from grader.queue import jobs
 from grader.store import intake, submissions
 from grader.store.engine.database import Database
-from grader.store.engine.ids import RANDOM_DIGITS, new_id
+from grader.store.engine.ids import RANDOM_DIGITS, make_id
 from grader.store.intake import AnswerKeys, QuestionState, StoredOfAnswer
 from grader.store.results import LearnerAt
 from grader.store.submissions import SubmissionFilter
@@ -100,7 +100,7 @@ class AnswerBatch:
             raise Conflict(decision.why_not)
         if answer.verdict is None:
             self._refuse_flood(answer)
-        submission = make_submission(answer, new_id(state.newest_id, self._random.pop()), 1 + state.progress.used)
+        submission = make_submission(answer, make_id(state.newest_id, self._random.pop()), 1 + state.progress.used)
         state.progress = add_attempt(state.progress, None if answer.verdict is None else answer.verdict.status)
         state.newest_id = submission.id
         self._states[answer.place] = state

@@ -14,7 +14,7 @@ from grader.courses.answering.results import recount_quiz
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
 from grader.courses.rules.policy import policy_in_force
-from grader.domain.misread import without_remarks
+from grader.domain.misread import drop_remarks
 from grader.domain.policy import Policy
 from grader.errors import Outdated, Unprocessable
 from grader.library import Library, list_policy_faults
@@ -53,7 +53,7 @@ class CoursePolicy:
 
 def read_policies(session: Session, library: Library, course: str, quizzes: Iterable[str]) -> dict[str, Policy]:
     """Returns the policies in force of quizzes in a course, by quiz; of those alone that the content has."""
-    changes = policies.of_course(session, course)
+    changes = policies.read_of_course(session, course)
     here = [library.quizzes[id_] for id_ in quizzes if id_ in library.quizzes]
     return {quiz.id: policy_in_force(quiz.default_policy, changes.get(quiz.id)) for quiz in here}
 
@@ -73,7 +73,7 @@ def change_policy(
     """Sets values of a quiz's policy in the instructor's course, takes back all others that were set, and counts the
     results of the quiz again. `wanted` is plain JSON by key; `is_current` says whether the caller has seen the policy
     as it is. Raises Outdated if not, and Unprocessable with a line for each fault."""
-    values = without_remarks(quiz.default_policy.model_dump(mode="json") | dict(wanted))
+    values = drop_remarks(quiz.default_policy.model_dump(mode="json") | dict(wanted))
     if faults := list_policy_faults(values):
         raise Unprocessable("\n".join(faults))
     changes = Policy.model_validate(values).model_dump(mode="json", include=set(wanted))

@@ -68,7 +68,7 @@ def store_new(
     and are brought up to date. The caller holds the learners' locks."""
     rows = submissions.settle([(submission.submission, submission.verdict) for submission in new], clock)
     counts = count_new(new, states)
-    changed = results.rows_of(list(counts.changed.values()), counts.revised, clock)
+    changed = results.build_rows(list(counts.changed.values()), counts.revised, clock)
     insert_rows(session, *rows, *more, *changed, replace=Result)
     places = {LearnerAt(*(after[name] for name in LearnerAt._fields)) for after in counts.revised}
     if delivered := {place for place in places if states[place].has_destinations}:
@@ -119,7 +119,7 @@ def count_one_more(new: NewSubmission, state: QuestionState) -> dict[str, Any] |
 def recount(session: Session, library: Library, key: LearnerAt, new: NewSubmission | None = None) -> bool:
     """Counts a result from all attempts; `new` is what has just got a verdict. Returns whether what counts has changed.
     The caller holds the learner's lock."""
-    before, rows = results.read_columns(session, key), results.attempts_of(session, key)
+    before, rows = results.read_columns(session, key), results.list_attempts(session, key)
     decided = [row for row in rows if row.outcome is not None]
     if before is None and not decided:
         return False
@@ -146,7 +146,7 @@ def describe_answers(
         is_first = decided[0] == new.submission.id
         first = describe_first_answer(new.verdict.status, new.verdict.evidence) if is_first else {}
         return first | {"diagnoses": add_diagnosis(before["diagnoses"], new.verdict.diagnosis)}
-    verdicts = submissions.verdicts_of(session, decided)
+    verdicts = submissions.read_verdicts_by_id(session, decided)
     oldest = verdicts[decided[0]] if decided else None
     first = describe_first_answer(Status(oldest["status"]), oldest["evidence"]) if oldest else {}
     return first | {"diagnoses": dump_diagnoses([verdict["diagnosis"] for verdict in verdicts.values()])}
@@ -156,7 +156,7 @@ def predict_points(
     session: Session, library: Library, key: LearnerAt, verdicts: Mapping[str, tuple[Status, float]]
 ) -> float | None:
     """The points that would count if submissions had these statuses and points; None if nothing would count yet."""
-    attempts = {row.id: make_attempt(row) for row in results.attempts_of(session, key)}
+    attempts = {row.id: make_attempt(row) for row in results.list_attempts(session, key)}
     for submission in submissions.get_several(session, list(verdicts)):
         status, points = verdicts[submission.id]
         attempts[submission.id] = Attempt(
@@ -206,10 +206,10 @@ def grant(
 
 def read_rules(session: Session, library: Library, key: LearnerAt) -> tuple[Policy, Extension]:
     """The policy of a quiz that is in force, and the learner's extension of it."""
-    policy = find_policy(library, key.quiz, policies.of_quiz(session, key.course, key.quiz))
+    policy = find_policy(library, key.quiz, policies.read_of_quiz(session, key.course, key.quiz))
     if policy.due is None:  # an extension moves dates, and attempts do not matter here
         return policy, NO_EXTENSION
-    theirs = extensions.of_learner(session, key.course, key.learner, [key.quiz])
+    theirs = extensions.list_of_learner(session, key.course, key.learner, [key.quiz])
     return policy, theirs.get(key.quiz, NO_EXTENSION)
 
 

@@ -39,7 +39,7 @@ def stop(database: Database, library: Library, who: Identity, submission_id: str
                 raise NotFound("There is no such submission.")
             if jobs.withdraw(session, jobs.GRADE, submission.id):
                 results.append_verdict(
-                    database, library, session, submission, verdict_on(library, submission), cause=STOP
+                    database, library, session, submission, judge_unrun(library, submission), cause=STOP
                 )
                 intake.forget_key(session, submission.id)
                 return STOPPED
@@ -49,14 +49,14 @@ def stop(database: Database, library: Library, who: Identity, submission_id: str
         while (left_s := deadline - time.monotonic()) > 0 and changed.wait(left_s):
             changed.clear()
             with database.read() as session:
-                verdict = submissions.verdicts_of(session, [submission_id]).get(submission_id)
+                verdict = submissions.read_verdicts_by_id(session, [submission_id]).get(submission_id)
             if verdict is not None:
                 said = verdict["diagnosis"]
                 return str(said) if said in (STOPPED_RUNNING, STOPPED_LATE) else NOT_STOPPED
     return STOPPING
 
 
-def verdict_on(library: Library, submission: Submission) -> Verdict:
+def judge_unrun(library: Library, submission: Submission) -> Verdict:
     """The verdict on a script that was stopped before it ran: as one that cannot be read, it touches nothing."""
     worth = 0.0
     with suppress(NotFound):  # the content has lost the question
@@ -70,7 +70,7 @@ def verdict_on(library: Library, submission: Submission) -> Verdict:
     )
 
 
-def verdict_after(stopped: ScriptStopped, fault: Verdict) -> Verdict:
+def judge_stopped(stopped: ScriptStopped, fault: Verdict) -> Verdict:
     """The verdict on a script that was stopped while it ran, made of the verdict on one that we failed to grade."""
     late = {"status": Status.TIMED_OUT, "diagnosis": STOPPED_LATE}
     free = {"status": Status.INVALID_ANSWER, "diagnosis": STOPPED_RUNNING}

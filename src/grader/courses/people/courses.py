@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people import members
 from grader.courses.people.audit import Action, record
-from grader.courses.people.identity import Identity, Kind, Role, checked_name, find
+from grader.courses.people.identity import Identity, Kind, Role, check_name, find
 from grader.courses.people.platforms import NEW_COURSES, course_exists, require_administrator
 from grader.courses.people.sign_in import SPENT, BrowserSession, start_session
 from grader.errors import Conflict, Forbidden, NotFound, Unauthorized
@@ -38,7 +38,7 @@ class TaughtCourse:
 def list_taught(session: Session, who: Identity) -> list[TaughtCourse]:
     """Returns the courses in which this person is an instructor: the one that they came from first, then by name."""
     home = get_home(session, who)
-    taught = [member for member in (home, *people.with_home(session, home.id)) if is_instructor(member)]
+    taught = [member for member in (home, *people.list_with_home(session, home.id)) if is_instructor(member)]
     learners = people.count_learners(session, [member.course for member in taught])
     return [
         TaughtCourse(member.course, member, learners.get(member.course, 0), member.id == who.id) for member in taught
@@ -62,7 +62,7 @@ def make_course(database: Database, session: Session, by: Identity, name: str) -
     administer the installation; Unprocessable, Unauthorized, and Conflict if somebody has the course already."""
     require_administrator(by)
     members.require_credential(session, by)
-    course = checked_name("course", name.strip())
+    course = check_name("course", name.strip())
     database.lock(session, NEW_COURSES)
     if course_exists(session, course):
         raise Conflict(f"There is a course {course!r} already: its instructors can invite you, on their page People.")

@@ -82,7 +82,7 @@ def begin(session: Session, label: str) -> NewDevice:
     label = visible_part(label).strip()[:NAME] or "A program"
     letters = "".join(secrets.choice(LETTERS) for _ in range(LENGTH))
     device_code = tickets.issue(session, DEVICE, {"label": label, "interval_s": INTERVAL_S}, CODE)
-    device = {"device": tickets.hash_of(device_code), "label": label}
+    device = {"device": tickets.hash_secret(device_code), "label": label}
     tickets.issue(session, USER_CODE, device, CODE, letters)
     return NewDevice(device_code, spell(letters))
 
@@ -141,13 +141,13 @@ def _wait(session: Session, device_code: str, body: dict[str, Any]) -> Refusal:
     is_hasty = last is not None and now() - datetime.fromisoformat(last) < timedelta(seconds=body["interval_s"])
     interval_s = body["interval_s"] + (INTERVAL_S if is_hasty else 0)
     asked = {"asked_at": now().isoformat(), "interval_s": interval_s}
-    tickets.change(session, DEVICE, tickets.hash_of(device_code), **asked)
+    tickets.change(session, DEVICE, tickets.hash_secret(device_code), **asked)
     return SLOW_DOWN if is_hasty else PENDING
 
 
 def list_devices(session: Session, who: Identity) -> Sequence[Credential]:
     """Returns the tokens of a member that are valid, newest first."""
-    return credentials.alive_of(session, who.id, Kind.TOKEN, now())
+    return credentials.list_alive_of(session, who.id, Kind.TOKEN, now())
 
 
 def revoke_device(session: Session, who: Identity, token_id: str) -> None:

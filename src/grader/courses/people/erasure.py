@@ -31,7 +31,7 @@ def erase_learner(
 
 def find_member(session: Session, course: str, user: str | None, member_id: str | None) -> Member:
     """Returns the member of this name or id; a removed one too. Raises NotFound."""
-    member = session.get(Member, member_id) if member_id else people.with_account(session, course, f"name:{user}")
+    member = session.get(Member, member_id) if member_id else people.find_with_account(session, course, f"name:{user}")
     if member is None or member.course != course:
         raise NotFound(
             f"There is no such member of the course {course}: name another with --course. Those who chose their name "

@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people import members
 from grader.courses.people.audit import Action, record
-from grader.courses.people.identity import Identity, Role, checked_name
+from grader.courses.people.identity import Identity, Role, check_name
 from grader.errors import Forbidden, Unprocessable
 from grader.store import people as stored_people
 from grader.store.engine.database import Database
@@ -58,25 +58,25 @@ def known_as(member: Member) -> External:
     return External(member.namespace, member.external_id)
 
 
-def member_for(session: Session, course: str, who: External, name: str | None, role: Role = Role.STUDENT) -> Member:
+def get_member(session: Session, course: str, who: External, name: str | None, role: Role = Role.STUDENT) -> Member:
     """The member whom another system knows so, also a removed one; made now at the first call. Raises Unprocessable."""
-    found = stored_people.with_account(session, course, who.account)
+    found = stored_people.find_with_account(session, course, who.account)
     if found is not None:
         return found
-    chosen = who.label if name is None else checked_name("learner", name)
-    member = members.with_account(session, who.account, chosen, role, course)
+    chosen = who.label if name is None else check_name("learner", name)
+    member = members.get_with_account(session, who.account, chosen, role, course)
     member.namespace, member.external_id = who.namespace, who.id
     return member
 
 
-def learner_behind(database: Database, service: Identity, who: External, name: str | None) -> Identity:
+def find_learner(database: Database, service: Identity, who: External, name: str | None) -> Identity:
     """Returns the learner for whom a service acts, with the service's credential and a student's rights. At first sight
     they become a member of the service's course. A `name` replaces the earlier one, unless an instructor set
     that. Raises Unprocessable, and Forbidden for a learner whom an instructor has removed."""
     if name is not None:
-        checked_name("learner", name)
+        check_name("learner", name)
     with database.read() as session:
-        member = stored_people.with_account(session, service.course, who.account)
+        member = stored_people.find_with_account(session, service.course, who.account)
     is_news = member is not None and name not in (None, member.name) and member.named_by is None
     if member is None or (is_news and member.removed_at is None):
         with database.write() as session:
@@ -89,8 +89,8 @@ def learner_behind(database: Database, service: Identity, who: External, name: s
 def enter(session: Session, service: Identity, who: External, name: str | None) -> Member:
     """Returns the member, made or renamed; an instructor keeps the name. Raises Unauthorized if the token has ended."""
     members.require_credential(session, service)
-    known = stored_people.with_account(session, service.course, who.account)
-    member = member_for(session, service.course, who, name)
+    known = stored_people.find_with_account(session, service.course, who.account)
+    member = get_member(session, service.course, who, name)
     if known is None:
         session.flush()
         record(session, service, service.course, Action.JOINED, member.name, member=member.id)

@@ -111,7 +111,7 @@ class Identity:
 
 def authenticate(database: Database, authorization: str | None, cookies: Mapping[str, str]) -> Identity:
     """Authenticates a request by its bearer token if it has one, else by its session cookie. Raises Unauthorized."""
-    kind, presented = presented_in(authorization, cookies)
+    kind, presented = read_presented(authorization, cookies)
     with database.read() as session:
         credential = find(session, kind, presented)
     if credential is None:
@@ -119,10 +119,10 @@ def authenticate(database: Database, authorization: str | None, cookies: Mapping
     if credential.last_used_at is None or credential.last_used_at < now() - TOUCH:
         with database.write(hasty=True) as session:  # a power cut may undo it
             credentials.touch(session, credential.id, now())
-    return identity_of(credential)
+    return read_identity(credential)
 
 
-def presented_in(authorization: str | None, cookies: Mapping[str, str]) -> tuple[Kind, str]:
+def read_presented(authorization: str | None, cookies: Mapping[str, str]) -> tuple[Kind, str]:
     """Returns the kind and the text of the credential that a request carries; an empty text if it carries none."""
     if authorization is not None:
         scheme, _, token = authorization.partition(" ")
@@ -152,7 +152,7 @@ class Recalled:
             del self._kept[next(iter(self._kept))]
 
     def _key(self, authorization: str | None, cookies: Mapping[str, str]) -> str:
-        return _hash(" ".join(presented_in(authorization, cookies)))
+        return _hash(" ".join(read_presented(authorization, cookies)))
 
 
 def issue(
@@ -197,7 +197,7 @@ def still_holds(session: Session, who: Identity) -> bool:
     return credentials.find(session, who.credential, kind.value, now()) is not None
 
 
-def identity_of(credential: Credential) -> Identity:
+def read_identity(credential: Credential) -> Identity:
     """Returns the identity that a credential proves."""
     by_cookie = credential.kind == Kind.SESSION
     scopes = None if credential.scopes is None else frozenset(map(Scope, credential.scopes.split()))
@@ -207,7 +207,7 @@ def identity_of(credential: Credential) -> Identity:
     )  # fmt: skip
 
 
-def checked_name(what: str, name: str) -> str:
+def check_name(what: str, name: str) -> str:
     """Returns the name. Raises Unprocessable if it is empty, too long, or has characters that cannot be seen."""
     if not name.strip() or len(name) > NAME or name != visible_part(name):
         raise Unprocessable(f"A {what} has a name of 1 to {NAME} printable characters, not {name[: NAME + 1]!r}.")
@@ -219,14 +219,14 @@ def visible_part(name: str) -> str:
     return "".join(filter(str.isprintable, INVISIBLE.sub("", name)))
 
 
-def checked_role(role: str) -> Role:
+def check_role(role: str) -> Role:
     """Returns the role of this name. Raises Unprocessable if there is none."""
     if role not in set(Role):
         raise Unprocessable(f"The role is one of {', '.join(Role)}, not {role!r}.")
     return Role(role)
 
 
-def checked_scopes(names: Iterable[str]) -> frozenset[Scope]:
+def check_scopes(names: Iterable[str]) -> frozenset[Scope]:
     """Returns the scopes of these names. Raises Unprocessable if there is none, or one does not exist."""
     chosen = set(names)
     if not chosen or not chosen <= set(Scope):

@@ -42,7 +42,7 @@ def invite(
     """Makes each name a member with this role, and a link that opens one browser session. A name that is a member
     already gets a new link; its earlier links end. Raises Unprocessable, Forbidden, Unauthorized, and Conflict where
     one has another role already, which an invitation never changes."""
-    checked = members.checked_person(role)
+    checked = members.check_person_role(role)
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         some = ", ".join(twice[:TOLD]) + (" and others" if len(twice) > TOLD else "")
         raise Unprocessable(f"Given twice: {some}. Two people of one name need different names here.")
@@ -55,7 +55,7 @@ def invite(
 
 def invite_member(session: Session, by: Identity | None, member: Member) -> Invitation:
     """Makes a link with which the member signs in; earlier ones end. Raises Unprocessable, Forbidden, Unauthorized."""
-    members.checked_person(member.role)
+    members.check_person_role(member.role)
     members.require_credential(session, by)
     members.require_reach(by, member.role)
     session.flush()
@@ -67,7 +67,7 @@ def invite_member(session: Session, by: Identity | None, member: Member) -> Invi
 
 def list_pending(session: Session, course: str) -> Sequence[Credential]:
     """Returns the links of a course that were neither used nor revoked, newest first."""
-    return credentials.alive_in(session, course, Kind.SIGN_IN, now())
+    return credentials.list_alive(session, course, Kind.SIGN_IN, now())
 
 
 def revoke(session: Session, by: Identity, invitation_id: str) -> None:

@@ -13,13 +13,13 @@ from grader.courses.people.identity import (
     FAILED,
     Identity,
     Role,
-    checked_name,
-    checked_role,
+    check_name,
+    check_role,
     still_holds,
 )
 from grader.errors import Conflict, Forbidden, NotFound, Unauthorized, Unprocessable
 from grader.store import credentials, people, results
-from grader.store.engine.ids import new_member_id
+from grader.store.engine.ids import make_member_id
 from grader.store.tables import Member, now
 
 STUDENTS_ALONE = "A restricted token and a service reach students alone: this takes an instructor without restriction."
@@ -48,14 +48,14 @@ def get_named(
     """Returns the member of this name that an instructor or operator made; made now, with the role, at the first call.
     Members who chose their name themselves are never found by it. One who was removed is a member again. Raises
     Unprocessable, and Forbidden where `by` may not act on them."""
-    name = checked_name("user", name)
-    course = checked_name("course", DEFAULT_COURSE if course is None else course)
+    name = check_name("user", name)
+    course = check_name("course", DEFAULT_COURSE if course is None else course)
     if is_restricted(by):
-        earlier = people.with_account(session, course, f"name:{name}")
+        earlier = people.find_with_account(session, course, f"name:{name}")
         require_reach(by, role if earlier is None else earlier.role)
         if earlier is not None and earlier.removed_at is not None:
             raise Forbidden(f"{name} was removed: only an instructor without restriction brings members back.")
-    return with_account(session, f"name:{name}", name, role, course)
+    return get_with_account(session, f"name:{name}", name, role, course)
 
 
 def other_roles(some: Sequence[Member]) -> str:
@@ -69,21 +69,21 @@ def other_roles(some: Sequence[Member]) -> str:
 
 def is_known(session: Session, name: str, course: str) -> bool:
     """Whether an instructor or operator has made a member of this name, who is still there. Raises Unprocessable."""
-    member = people.with_account(session, course, f"name:{checked_name('user', name)}")
+    member = people.find_with_account(session, course, f"name:{check_name('user', name)}")
     return member is not None and member.removed_at is None
 
 
-def with_account(session: Session, account: str, name: str, role: Role, course: str) -> Member:
+def get_with_account(session: Session, account: str, name: str, role: Role, course: str) -> Member:
     """Returns the member with this account; made now with the name and role at the first call."""
-    if found := people.with_account(session, course, account):
+    if found := people.find_with_account(session, course, account):
         found.removed_at = None
         return found
-    member = Member(id=new_member_id(), course=course, name=name, account=account, role=role.value)
+    member = Member(id=make_member_id(), course=course, name=name, account=account, role=role.value)
     try:
         with session.begin_nested():
             session.add(member)
     except IntegrityError:  # another process has just made it
-        found = people.with_account(session, course, account)
+        found = people.find_with_account(session, course, account)
         assert found is not None
         return found
     return member
@@ -92,8 +92,8 @@ def with_account(session: Session, account: str, name: str, role: Role, course: 
 def make_unnamed(session: Session, course: str = DEFAULT_COURSE, name: str | None = None) -> Member:
     """Makes a learner whose browser session is the only way back; without a name, one is made up. Raises Unprocessable.
     The name is a label: others may bear it too."""
-    chosen = f"learner-{secrets.token_hex(3)}" if name is None else checked_name("learner", name.strip())
-    member = Member(id=new_member_id(), course=course, name=chosen, role=Role.STUDENT.value)
+    chosen = f"learner-{secrets.token_hex(3)}" if name is None else check_name("learner", name.strip())
+    member = Member(id=make_member_id(), course=course, name=chosen, role=Role.STUDENT.value)
     session.add(member)
     session.flush()
     return member
@@ -115,7 +115,7 @@ def change_role(session: Session, by: Identity, member_id: str, role: str) -> Me
     if is_restricted(by):
         raise Forbidden(STUDENTS_ALONE)
     member = get_other(session, by, member_id)
-    give_role(session, by, member, checked_person(role))
+    give_role(session, by, member, check_person_role(role))
     return member
 
 
@@ -144,7 +144,7 @@ def set_name(session: Session, by: Identity, member_id: str, name: str | None) -
     require_reach(by, member.role)
     member.named_by = None if name is None else by.user
     if name is not None:
-        rename(session, member, checked_name("member", name.strip()))
+        rename(session, member, check_name("member", name.strip()))
     record(session, by, member.course, Action.RENAMED, member.name, member=member.id, follows=name is None)
     return member
 
@@ -162,9 +162,9 @@ def rename(session: Session, member: Member, name: str) -> None:
     results.touch(session, member.course, member.id)
 
 
-def checked_person(role: str) -> Role:
+def check_person_role(role: str) -> Role:
     """Returns the role of this name, if a person may have it who signs in with a link. Raises Unprocessable."""
-    checked = checked_role(role)
+    checked = check_role(role)
     if checked is Role.SERVICE:
         raise Unprocessable("A service uses a token, not a link: grader token create --role service.")
     return checked

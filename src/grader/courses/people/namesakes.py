@@ -10,7 +10,7 @@ DIGITS = 4
 """Digits of the id in a mark."""
 
 
-def marks_in(session: Session, course: str) -> Mapping[str, str]:
+def make_marks(session: Session, course: str) -> Mapping[str, str]:
     """Returns the marks of the members of a course whose name another bears too, by id; of removed ones as well."""
     return {namesake: make_mark(namesake) for namesake in people.find_namesakes(session, course)}
 

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people import members
 from grader.courses.people.audit import Action, record
-from grader.courses.people.identity import DEFAULT_COURSE, Identity, Role, checked_name
+from grader.courses.people.identity import DEFAULT_COURSE, Identity, Role, check_name
 from grader.errors import Conflict, Forbidden, NotFound, Unprocessable
 from grader.store import people as stored_people
 from grader.store import platforms
@@ -65,7 +65,7 @@ def require_administrator(by: Identity) -> None:
 def add(session: Session, by: Identity | None, given: Registration, deployment_id: str | None = None) -> PlatformRow:
     """Registers a platform, with its first deployment if that is known. Nobody comes from it until it is approved.
     Raises Unprocessable, and Conflict if the issuer has a platform with this client id."""
-    name = checked_name("platform", given.name)
+    name = check_name("platform", given.name)
     for field, value in (("issuer", given.issuer), ("client id", given.client_id)):
         if not 1 <= len(value) <= ID or not value.isprintable():
             raise Unprocessable(f"The {field} of a platform has 1 to {ID} printable characters.")
@@ -118,7 +118,7 @@ def ask_for(session: Session, context_id: int, course: str, by: str, known: Coll
     """Links a platform's course with a new course here, as an instructor of it asks. Returns whether it is linked. A
     course that exists has instructors, who approve first. Raises NotFound, Unprocessable, and Conflict if it is linked
     already."""
-    context, course = get_context(session, context_id), checked_name("course", course.strip())
+    context, course = get_context(session, context_id), check_name("course", course.strip())
     if context.course is not None:
         raise Conflict("This course is linked already. Start again from your learning platform.")
     is_new = not course_exists(session, course, known)
@@ -131,7 +131,7 @@ def ask_for(session: Session, context_id: int, course: str, by: str, known: Coll
 
 def link(session: Session, by: Identity | None, context_id: int, course: str) -> Context:
     """Links a platform's course with a course here: who teaches there is an instructor here. Raises NotFound."""
-    context, course = get_context(session, context_id), checked_name("course", course)
+    context, course = get_context(session, context_id), check_name("course", course)
     if context.course not in (None, course):
         raise Conflict(f"This course is linked with {context.course!r}: unlink it first.")
     context.course, context.wanted, context.wanted_by = course, None, None
@@ -163,17 +163,17 @@ def get_context(session: Session, context_id: int) -> Context:
     return context
 
 
-def member_of(session: Session, context: Context, person: Person) -> Member:
+def get_member(session: Session, context: Context, person: Person) -> Member:
     """Returns the member who a platform's user is in the linked course; made at the first call. The platform gives the
     role, and the name unless an instructor has set it. A subject belongs to one person of its issuer. Raises
     Forbidden if an instructor has removed the member."""
     assert context.course is not None
     digest = hashlib.sha256(f"{person.issuer}\n{person.subject}".encode()).hexdigest()
     account = f"lti:{digest}"
-    known = stored_people.with_account(session, context.course, account)
+    known = stored_people.find_with_account(session, context.course, account)
     if known is not None and known.removed_at is not None:
         raise Forbidden("You were removed from this course. Ask its instructor.")
-    member = known or members.with_account(session, account, person.name, person.role, context.course)
+    member = known or members.get_with_account(session, account, person.name, person.role, context.course)
     members.give_role(session, None, member, person.role, unsigned=PLATFORM)
     if person.email is not None:
         member.email = person.email

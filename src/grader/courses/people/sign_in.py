@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import Action, record
-from grader.courses.people.identity import Identity, Kind, Role, checked_role, find, identity_of, issue
+from grader.courses.people.identity import Identity, Kind, Role, check_role, find, issue, read_identity
 from grader.courses.people.members import get_named, give_role, make_unnamed
 from grader.errors import Unauthorized
 from grader.store import credentials, people
@@ -35,7 +35,7 @@ class BrowserSession:
 def create_sign_in_code(session: Session, user: str, role: Role | str, course: str | None = None) -> str:
     """Creates a code that opens one browser session for a named member, for the operator, who also gives the role.
     Raises Unprocessable."""
-    checked = checked_role(role)
+    checked = check_role(role)
     member = get_named(session, user, checked, course)
     give_role(session, None, member, checked)
     return issue(session, Kind.SIGN_IN, member, SIGN_IN_CODE)
@@ -56,7 +56,7 @@ def start_session(
     secret = issue(session, Kind.SESSION, member, lifetime, platform=platform, home=home)
     session.flush()
     credential = session.get_one(Credential, secret.split("_")[1])
-    return BrowserSession(replace(identity_of(credential), by_cookie=True), secret, lifetime)
+    return BrowserSession(replace(read_identity(credential), by_cookie=True), secret, lifetime)
 
 
 def start_anonymous_session(session: Session) -> BrowserSession:
@@ -64,10 +64,10 @@ def start_anonymous_session(session: Session) -> BrowserSession:
     return start_session(session, make_unnamed(session))
 
 
-def identity_behind(session: Session, code: str) -> Identity | None:
+def find_identity(session: Session, code: str) -> Identity | None:
     """Says who would sign in with the code, which stays valid; None if it is unknown, used or expired."""
     credential = find(session, Kind.SIGN_IN, code)
-    return None if credential is None else identity_of(credential)
+    return None if credential is None else read_identity(credential)
 
 
 def redeem_sign_in_code(session: Session, code: str) -> BrowserSession:

@@ -13,8 +13,8 @@ from grader.courses.people.identity import (
     Kind,
     Role,
     Scope,
-    checked_role,
-    checked_scopes,
+    check_role,
+    check_scopes,
     issue,
 )
 from grader.courses.people.members import get_named, other_roles, require_credential, require_reach
@@ -33,7 +33,7 @@ def create_token(
     """Creates a bearer token for a named member. Raises Unprocessable, Forbidden, Unauthorized, Conflict. Without
     `scopes` it may do what the role may; without `lifetime` it is valid until it is revoked. A restricted token creates
     tokens of students alone, within its own scopes and its own time."""
-    checked, wanted = checked_role(role), None if scopes is None else checked_scopes(scopes)
+    checked, wanted = check_role(role), None if scopes is None else check_scopes(scopes)
     if by is not None and by.scopes is not None:
         require_within(session, by, by.scopes, wanted, lifetime)
     require_credential(session, by)
@@ -62,7 +62,7 @@ def require_within(
 
 def list_tokens(session: Session, course: str) -> Sequence[Credential]:
     """Returns the tokens of a course that were not revoked and have not expired, newest first."""
-    return credentials.alive_in(session, course, Kind.TOKEN, now())
+    return credentials.list_alive(session, course, Kind.TOKEN, now())
 
 
 def revoke(session: Session, token_id: str, course: str, by: Identity | None = None) -> None:
@@ -80,7 +80,7 @@ def revoke(session: Session, token_id: str, course: str, by: Identity | None = N
 
 def revoke_all(session: Session, user: str, course: str | None = None) -> int:
     """Revokes every bearer token, session and sign-in code of a named member. Returns how many were valid."""
-    member = people.with_account(session, course or DEFAULT_COURSE, f"name:{user}")
+    member = people.find_with_account(session, course or DEFAULT_COURSE, f"name:{user}")
     if member is None:
         return 0
     ended = credentials.revoke_all(session, member.id, now())

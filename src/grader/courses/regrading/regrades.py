@@ -19,7 +19,7 @@ from grader.questions import Quiz
 from grader.queue import jobs
 from grader.store import extensions, policies, regrades
 from grader.store.engine.database import Database
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import make_id
 from grader.store.regrades import CANCELLED, DONE, LANES, QUEUED, UNFINISHED, WAITING, Regrade, RegradeItem
 from grader.store.tables import now
 
@@ -53,7 +53,7 @@ def create(database: Database, library: Library, who: Identity, wanted: Wanted) 
     with database.read() as session:
         chosen = choose(session, who.course, quiz, questions, wanted.scope)
     regrade = Regrade(
-        id=new_id(), course=who.course, quiz=quiz.id, question=wanted.question,
+        id=make_id(), course=who.course, quiz=quiz.id, question=wanted.question,
         scope=json.dumps(wanted.scope if isinstance(wanted.scope, str) else {"submission_ids": wanted.scope}),
         dry_run=wanted.dry_run, content_digest=library.digest(quiz.id), status=QUEUED if chosen else DONE,
         created_by=who.user, finished_at=None if chosen else now(),
@@ -110,9 +110,11 @@ def choose(
 ) -> list[dict[str, Any]]:
     """Returns the submissions of a scope as columns of items. Raises NotFound if one that is named is not there."""
     rows = regrades.list_candidates(session, course, quiz.id, questions, None if isinstance(scope, str) else scope)
-    extended = {row.learner: extensions.read_extension(row) for row, _ in extensions.of_quiz(session, course, quiz.id)}
+    extended = {
+        row.learner: extensions.read_extension(row) for row, _ in extensions.list_of_quiz(session, course, quiz.id)
+    }
     by_learner = [list(theirs) for _, theirs in groupby(rows, key=lambda row: (row.learner, row.question))]
-    policy = policy_in_force(quiz.default_policy, policies.of_quiz(session, course, quiz.id))
+    policy = policy_in_force(quiz.default_policy, policies.read_of_quiz(session, course, quiz.id))
     chosen = [select_rows(theirs, scope, policy, extended.get(theirs[0].learner)) for theirs in by_learner]
     items = [
         {"place": place, "submission_id": row.id, "learner": row.learner, "question": row.question}

@@ -9,7 +9,7 @@ from functools import lru_cache
 from sqlalchemy.orm import Session
 
 from grader.courses.people.identity import Identity
-from grader.courses.people.namesakes import mark_name, marks_in
+from grader.courses.people.namesakes import make_marks, mark_name
 from grader.courses.reviewing.blinding import hide_names
 from grader.courses.reviewing.desk import Desk
 from grader.courses.rules.mistakes import Family, Mistake, group_mistakes, name_mistake
@@ -112,10 +112,10 @@ class ClassReader:
         marks that are not to be seen yet."""
         without = results.list_instructors(session, who.course)
         wanted = SubmissionFilter(who.course, quiz=quiz, question=question.id)
-        rows = submissions.graded_at(session, wanted, without, ATTEMPTS_MAX)
+        rows = submissions.list_graded(session, wanted, without, ATTEMPTS_MAX)
         verdicts = {row.id: json.loads(body) for row, body in rows}
         seen = hide_names(desk, session, who, [row for row, _ in rows], verdicts)
-        marks = marks_in(session, who.course)
+        marks = make_marks(session, who.course)
         named = {row.id: seen.names.get(row.id) or mark_name(row.user, row.learner, marks) for row, _ in rows}
         answers = name_choices(build_answers([(row, seen.verdicts[row.id]) for row, _ in rows], question), question)
         by_learner = {
@@ -127,7 +127,7 @@ class ClassReader:
     def _compute(self, version: Version) -> ClassAnswers:
         with self._database.read() as session:
             wanted = SubmissionFilter(version.course, quiz=version.quiz, question=version.question_id)
-            rows = submissions.graded_at(session, wanted, version.without, ATTEMPTS_MAX)
+            rows = submissions.list_graded(session, wanted, version.without, ATTEMPTS_MAX)
             answers = build_answers([(row, json.loads(body)) for row, body in rows], version.question)
             return name_choices(answers, version.question)
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 from grader.courses.people.identity import Identity
-from grader.courses.reviewing.blinding import unseen_by
-from grader.courses.rules.statistics import QuestionStatistics, count_learners, statistics_of, tallies_of
+from grader.courses.reviewing.blinding import find_unseen
+from grader.courses.rules.statistics import QuestionStatistics, compute_statistics, count_learners, tally_answers
 from grader.library import Library
 from grader.questions import Quiz, kind_of
 from grader.store import results
@@ -57,7 +57,7 @@ class Statistics:
         quiz, digest = library.quiz(quiz_id), library.digest(quiz_id)
         with self._database.read() as session:
             without = frozenset(results.list_instructors(session, who.course))
-            unseen = unseen_by(session, who).results
+            unseen = find_unseen(session, who).results
             state = results.read_state(session, who.course, [quiz_id])
         hidden = frozenset(
             (place.learner, place.question) for place in unseen if (place.course, place.quiz) == (who.course, quiz_id)
@@ -74,8 +74,8 @@ class Statistics:
         with self._database.read() as session:
             visible = (
                 [row for row in rows if row[0] not in without and (not hidden or row[:2] not in hidden)]
-                for rows in results.of_quiz(session, version.course, quiz.id)
+                for rows in results.iterate_of_quiz(session, version.course, quiz.id)
             )
-            by_question = tallies_of(visible, tolerances)
+            by_question = tally_answers(visible, tolerances)
         tallies = [by_question[question.id] for question in quiz.questions if question.id in by_question]
-        return QuizStatistics(count_learners(tallies), statistics_of(tallies))
+        return QuizStatistics(count_learners(tallies), compute_statistics(tallies))

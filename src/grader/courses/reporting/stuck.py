@@ -64,7 +64,7 @@ def find_stuck(session: Session, course: str, without: Collection[str]) -> list[
     tries = submissions.find_unsolved(session, course, since, ATTEMPTS_MIN, newest=SUBMISSIONS_MAX, limit=PLACES_MAX)
     runs = [run for run in find_runs(tries) if run[-1].learner not in without]
     newest = [attempt.submission for run in runs for attempt in run[-ATTEMPTS_MIN:]]
-    return select_stuck(runs, submissions.verdicts_of(session, newest))
+    return select_stuck(runs, submissions.read_verdicts_by_id(session, newest))
 
 
 def find_runs(tries: Iterable[Try]) -> list[Sequence[Try]]:
@@ -99,7 +99,7 @@ def find_shared_mistakes(session: Session, course: str) -> list[SharedMistake]:
     """Returns the mistakes in which the newest attempts of most learners ended lately, at questions that they have not
     solved. Looks at the `PLACES_MAX` learners at a question who tried last."""
     newest = submissions.newest_wrong(session, course, now() - RECENT, newest=SUBMISSIONS_MAX, limit=PLACES_MAX)
-    verdicts = submissions.verdicts_of(session, [submission for *_, submission in newest])
+    verdicts = submissions.read_verdicts_by_id(session, [submission for *_, submission in newest])
     made = [
         (quiz, question, verdicts[submission]) for _, quiz, question, submission in newest if submission in verdicts
     ]

@@ -38,8 +38,8 @@ def read_today(desk: Desk, session: Session, who: Identity) -> Today:
     here = (Delivery.course == who.course, Delivery.state == DEAD)
     dead = outbox.page(session, here, 0, DEAD_SHOWN + 1)
     return Today(
-        stored.count_waiting(session, reviews.queue_of(desk, session, wanted), COUNTED_MAX),
-        stored.count_waiting(session, reviews.queue_of(desk, session, wanted, who.id), COUNTED_MAX),
+        stored.count_waiting(session, reviews.list_queue(desk, session, wanted), COUNTED_MAX),
+        stored.count_waiting(session, reviews.list_queue(desk, session, wanted, who.id), COUNTED_MAX),
         stored.count_differing(session, who.course, COUNTED_MAX),
         dead[:DEAD_SHOWN],
         len(dead) > DEAD_SHOWN,

@@ -39,7 +39,7 @@ def hide_names(
     are. With `always`, answers that a person marks bear their pseudonyms also after the last decision."""
     if not who.is_instructor:
         return Blinded(verdicts, {})
-    held = reviews.of_submissions(session, [row.id for row in rows])
+    held = reviews.find_of_submissions(session, [row.id for row in rows])
     hidden = [one for one, review in held.items() if review.second == WAITING and review.reviewer != who.id]
     earlier = reviews.graders_verdicts(session, hidden) if hidden else {}
     names = list_pseudonyms(desk, session, who, [row for row in rows if is_marked(row, held)], always=always)
@@ -72,11 +72,11 @@ class Unseen:
     results: frozenset[LearnerAt] = frozenset()
 
 
-def unseen_by(session: Session, who: Identity) -> Unseen:
+def find_unseen(session: Session, who: Identity) -> Unseen:
     """Returns the first marks in a course that this user must not see yet."""
     if not who.is_instructor:
         return Unseen()
-    rows = reviews.unseen_marks(session, who.course, who.id)
+    rows = reviews.list_unseen(session, who.course, who.id)
     return Unseen(frozenset(row.id for row in rows), frozenset(LearnerAt(*row[1:]) for row in rows))
 
 
@@ -86,7 +86,7 @@ def blinded_differences(
     """The differences of a regrade (`regrades.differences`) without names and first marks that are to stay unseen."""
     found = list(items)
     rows = submissions.get_several(session, [sub["submission_id"] for item in found for sub in item["submissions"]])
-    names, unseen = hide_names(desk, session, who, rows, {}).names, unseen_by(session, who)
+    names, unseen = hide_names(desk, session, who, rows, {}).names, find_unseen(session, who)
     return [
         _difference(item, names, unseen, LearnerAt(who.course, item["learner"], quiz, item["question"]))
         for item in found
@@ -103,7 +103,7 @@ def _difference(item: dict[str, Any], names: Mapping[str, str], unseen: Unseen, 
     return item
 
 
-def seen_detail(entry: AuditEntry, unseen: Unseen) -> dict[str, Any]:
+def limit_detail(entry: AuditEntry, unseen: Unseen) -> dict[str, Any]:
     """Returns the detail of an entry of the audit log, without the points of a first mark that is to stay unseen."""
     detail: dict[str, Any] = json.loads(entry.detail)
     return {} if entry.subject in unseen.submissions else detail

@@ -6,7 +6,7 @@ from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
 from grader.errors import Conflict, NotFound, Unprocessable
 from grader.store.engine.database import Database
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import make_id
 from grader.store.reviewing.reviews import count_comments, find_comment
 from grader.store.tables import SavedComment, now
 
@@ -27,7 +27,7 @@ def save(database: Database, session: Session, who: Identity, at: tuple[str, str
     if count_comments(session, who.course, quiz, question) >= COMMENTS_MAX:
         raise Conflict(f"{COMMENTS_MAX} comments are saved for this question: delete one first.")
     comment = SavedComment(
-        id=new_id(), course=who.course, quiz=quiz, question=question, text=text, saved_by=who.user, saved_at=now()
+        id=make_id(), course=who.course, quiz=quiz, question=question, text=text, saved_by=who.user, saved_at=now()
     )
     session.add(comment)
     record(session, who, who.course, Action.COMMENT_SAVED, comment.id, quiz=quiz, question=question)

@@ -13,10 +13,10 @@ from grader.courses.rules.policy import format_moment
 from grader.courses.rules.rubric import (
     Mark,
     compute_fingerprint,
-    items_of,
+    get_items,
+    get_rubric,
     mark_verdict,
     recompute_points,
-    rubric_of,
     rubric_points,
 )
 from grader.domain.verdict import Verdict
@@ -35,7 +35,7 @@ FOLLOWING = "a change of the rubric"
 """The audit log's author of points that were recomputed without a request."""
 
 
-def queue_of(desk: Desk, session: Session, wanted: SubmissionFilter, second_for: str | None = None) -> Queue:
+def list_queue(desk: Desk, session: Session, wanted: SubmissionFilter, second_for: str | None = None) -> Queue:
     """Returns the submissions that wait. A search by name finds nothing in anonymous quizzes."""
     averaged = desk.list_averaged(session, wanted.course)
     if wanted.user is None:
@@ -50,7 +50,7 @@ def claim(session: Session, who: Identity, submission: Submission, *, second: bo
     require_free(session, submission, who)
     if second:
         require_second(session, submission, who)
-    if reviews.claim_on(session, submission.id, clock) is None:
+    if reviews.find_claim(session, submission.id, clock) is None:
         record(session, who, who.course, Action.CLAIMED, submission.id)
     return reviews.put_claim(session, submission.id, who.id, who.user, clock + CLAIM)
 
@@ -65,7 +65,7 @@ def next_to_claim(session: Session, queue: Queue, who: Identity) -> Submission:
 
 def prolong(session: Session, who: Identity, submission: Submission) -> ReviewClaim:
     """Makes the reviewer's claim hold for `CLAIM` from now on. Raises Conflict if it has ended."""
-    held = reviews.claim_on(session, submission.id, now())
+    held = reviews.find_claim(session, submission.id, now())
     if held is None or held.reviewer != who.id:
         raise Conflict("You hold no claim on this submission any more: claim it again.")
     held.expires_at = now() + CLAIM
@@ -74,7 +74,7 @@ def prolong(session: Session, who: Identity, submission: Submission) -> ReviewCl
 
 def release(session: Session, who: Identity, submission: Submission) -> None:
     """Ends the reviewer's claim on a submission, if there is one."""
-    held = reviews.claim_on(session, submission.id, now())
+    held = reviews.find_claim(session, submission.id, now())
     if held is not None and held.reviewer == who.id:
         reviews.drop_claim(session, submission.id)
         record(session, who, who.course, Action.RELEASED, submission.id)
@@ -84,14 +84,14 @@ def require_free(session: Session, submission: Submission, who: Identity) -> Non
     """Raises Conflict unless this reviewer may mark the submission now."""
     if submission.status not in AT_REST:
         raise Conflict("This submission is still being graded.")
-    held = reviews.claim_on(session, submission.id, now())
+    held = reviews.find_claim(session, submission.id, now())
     if held is not None and held.reviewer != who.id:
         raise Conflict(f"{held.name} is reviewing this submission until {format_moment(held.expires_at)}.")
 
 
 def require_second(session: Session, submission: Submission, who: Identity) -> Review:
     """Returns the review that waits for a second mark by this reviewer. Raises Conflict."""
-    review = reviews.review_of(session, submission.id)
+    review = reviews.find_review(session, submission.id)
     if review is None or review.second != WAITING or submission.status != GRADED:
         raise Conflict("This submission does not wait for a second mark.")
     if review.reviewer == who.id:
@@ -116,7 +116,7 @@ def decide(desk: Desk, session: Session, who: Identity, submission: Submission, 
 
 def record_decision(desk: Desk, session: Session, submission: Submission) -> Review:
     """Returns the review of a submission after one more decision: the first draws whether there is a second mark."""
-    review = reviews.review_of(session, submission.id)
+    review = reviews.find_review(session, submission.id)
     if review is None:
         drawn = desk.blinding.is_drawn(submission, desk.second_marking(submission).share)
         at = {name: getattr(submission, name) for name in ("course", "quiz", "question")}
@@ -151,7 +151,7 @@ def follow_rubric(desk: Desk, session: Session, submission_id: str, who: Identit
     submission = session.get_one(Submission, submission_id)
     desk.hold(session, submission)
     review, question = session.get_one(Review, submission_id), desk.question(submission)
-    if question is None or not rubric_of(question) or review.rubric in (None, compute_fingerprint(question)):
+    if question is None or not get_rubric(question) or review.rubric in (None, compute_fingerprint(question)):
         return False
     earlier = read_newest(session, submission)
     verdict = recompute_points(earlier, question)
@@ -163,8 +163,8 @@ def follow_rubric(desk: Desk, session: Session, submission_id: str, who: Identit
         changed = {"before": earlier.points, "after": verdict.points}
         record(session, who, submission.course, Action.RECOMPUTED, submission.id, unsigned=FOLLOWING, **changed)
     if review.second_ticked is not None:
-        kept = {item.id for item in rubric_of(question)}.intersection(json.loads(review.second_ticked))
-        review.second_points = rubric_points(items_of(question, kept), question.points)
+        kept = {item.id for item in get_rubric(question)}.intersection(json.loads(review.second_ticked))
+        review.second_points = rubric_points(get_items(question, kept), question.points)
     if review.second in (AGREED, DIFFERS):
         review.second = compare_marks(desk, submission, review)
     review.rubric = compute_fingerprint(question)

@@ -10,7 +10,7 @@ import structlog
 from grader.courses.people.identity import Identity
 from grader.courses.reviewing.desk import Desk
 from grader.courses.reviewing.reviews import follow_rubric
-from grader.courses.rules.rubric import compute_fingerprint, rubric_of
+from grader.courses.rules.rubric import compute_fingerprint, get_rubric
 from grader.errors import NotFound
 from grader.store.engine.database import Database
 from grader.store.reviewing import reviews
@@ -25,10 +25,10 @@ def list_outdated(desk: Desk, quiz: str, question: str, course: str) -> list[str
     """Returns the ids of submissions whose marks were computed with another rubric, in a course. Once a question has no
     rubric, its reviews stay as they are. Raises NotFound."""
     asked = desk.library.question(quiz, question)
-    if not rubric_of(asked):
+    if not get_rubric(asked):
         return []
     with desk.database.read() as session:
-        return reviews.of_other_rubric(session, quiz, question, compute_fingerprint(asked), course)
+        return reviews.list_of_other_rubric(session, quiz, question, compute_fingerprint(asked), course)
 
 
 def recompute(desk: Desk, submission_id: str, who: Identity | None = None) -> bool:
@@ -77,7 +77,7 @@ class Recomputing:
 
     def _recompute_all(self) -> None:
         with self.database.read() as session:
-            questions = reviews.with_rubric(session)
+            questions = reviews.list_with_rubric(session)
         for course, quiz, question in questions:
             with suppress(NotFound):  # the content has lost it
                 self._recompute_question(course, quiz, question)

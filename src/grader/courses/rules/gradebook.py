@@ -102,7 +102,7 @@ def gradebook_csv(
     for line in write_lines(heading_cells(columns, form)):
         yield mark + line
         mark = ""
-    yield from write_lines(row_cells(rows, columns, form))
+    yield from write_lines(build_cells(rows, columns, form))
 
 
 def heading_cells(columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
@@ -114,7 +114,7 @@ def heading_cells(columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
         yield [f"    {POINTS_ROW}", *blank, *(number(column.max_points) for column in columns)]
 
 
-def row_cells(rows: Iterable[Row], columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
+def build_cells(rows: Iterable[Row], columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
     """The cells of each learner."""
     full = number(math.fsum(column.max_points for column in columns))
     keys, learner = [(column.quiz, column.question) for column in columns], list(LEARNER[form].values())

@@ -155,7 +155,7 @@ def decide(
     `published_at` is when an instructor published the feedback of the quiz, None before that. Instructors and services
     see everything, and may try questions at any time."""
     extension = extension or NO_EXTENSION
-    due, closes = due_of(policy, extension), closes_of(policy, extension)
+    due, closes = find_due(policy, extension), find_closing(policy, extension)
     if role in ROLES_THAT_SEE_ALL:
         return replace(UNRESTRICTED, due=due, closes=closes)
     allowed = attempts_allowed(policy, extension, question)
@@ -201,28 +201,28 @@ def count_points(attempts: Sequence[Attempt], policy: Policy, extension: Extensi
     else:
         index = points.index(max(points)) if policy.counts == "best" else -1
         total, sources = points[index], [decided[index]]
-    due = due_of(policy, extension)
+    due = find_due(policy, extension)
     is_late = due is not None and any(source.at > due for source in sources)
     return Counted(round(total, POINT_DIGITS), tuple(sources), is_final, is_late)
 
 
 def late_multiplier(policy: Policy, extension: Extension, at: datetime) -> float:
     """What the points of an answer handed in at a moment are multiplied by: `per_day` to the power of days started."""
-    due = due_of(policy, extension)
+    due = find_due(policy, extension)
     if policy.late is None or due is None or at <= due:
         return 1.0
     days = -((due - at) // DAY)
     return max(policy.late.floor, policy.late.per_day**days)
 
 
-def due_of(policy: Policy, extension: Extension) -> datetime | None:
+def find_due(policy: Policy, extension: Extension) -> datetime | None:
     """The learner's due date, if the quiz has one."""
     return None if policy.due is None else max(policy.due, extension.due or policy.due)
 
 
-def closes_of(policy: Policy, extension: Extension) -> datetime | None:
+def find_closing(policy: Policy, extension: Extension) -> datetime | None:
     """The last moment at which the learner may hand in, if there is one."""
-    due = due_of(policy, extension)
+    due = find_due(policy, extension)
     if due is None:
         return None
     return max(due, policy.late.until if policy.late else due, extension.until or due)

@@ -38,14 +38,14 @@ def mark_verdict(verdict: Verdict, question: Question | None, mark: Mark) -> Ver
     if mark.ticked is None:
         assert mark.points is not None
         return apply_review(verdict, mark.points, mark.comment)
-    if question is None or not rubric_of(question):
+    if question is None or not get_rubric(question):
         raise ValueError("the question has no rubric: give points")
     if mark.points is None:
         return reviewed_by_rubric(verdict, question, mark.ticked, mark.comment)
-    return _naming(apply_review(verdict, mark.points, mark.comment), items_of(question, mark.ticked), by_hand=True)
+    return _naming(apply_review(verdict, mark.points, mark.comment), get_items(question, mark.ticked), by_hand=True)
 
 
-def rubric_of(question: Question) -> Rubric:
+def get_rubric(question: Question) -> Rubric:
     """The items that a reviewer of answers to a question may tick."""
     return kind_of(question).rubric(question)
 
@@ -60,13 +60,13 @@ def reviewed_by_rubric(verdict: Verdict, question: Question, ticked: Iterable[st
     """The verdict after a review that ticks the items with these ids; repeated ids count once. Only the ticked items
     are named in the review, so that the others do not tell what was missing. Raises ValueError for an id that the
     question's rubric does not have."""
-    return _decided(verdict, question, items_of(question, ticked), comment)
+    return _decided(verdict, question, get_items(question, ticked), comment)
 
 
-def items_of(question: Question, ticked: Iterable[str]) -> list[RubricItem]:
+def get_items(question: Question, ticked: Iterable[str]) -> list[RubricItem]:
     """The items with these ids, in the rubric's order. Raises ValueError for an id that the rubric does not have."""
     wanted = set(ticked)
-    rubric = rubric_of(question)
+    rubric = get_rubric(question)
     if unknown := wanted - {item.id for item in rubric}:
         raise ValueError(f"the rubric of {question.id} has no item {sorted(unknown)[0]!r}")
     return [item for item in rubric if item.id in wanted]
@@ -80,7 +80,7 @@ def recompute_points(verdict: Verdict, question: Question) -> Verdict:
     ids = None if review is None else ticked_ids(review)
     if review is None or ids is None:
         return verdict
-    items = [item for item in rubric_of(question) if item.id in ids]
+    items = [item for item in get_rubric(question) if item.id in ids]
     again = _decided(verdict, question, items, review.message)
     return verdict if again == verdict else again
 
@@ -94,7 +94,7 @@ def ticked_ids(review: Finding) -> set[str] | None:
 
 def compute_fingerprint(question: Question) -> str:
     """32 hexadecimal digits that change with the items and the points of a question."""
-    items = [item.model_dump() for item in rubric_of(question)]
+    items = [item.model_dump() for item in get_rubric(question)]
     return hashlib.sha256(json.dumps([question.points, items]).encode()).hexdigest()[:32]
 
 

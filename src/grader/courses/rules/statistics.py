@@ -114,7 +114,7 @@ Answers = Sequence[tuple[Answer, int]]
 """The answers to one question, and how many learners gave each."""
 
 
-def tallies_of(
+def tally_answers(
     pieces: Iterable[Sequence[Row]], tolerances: Mapping[str, Sequence[float | None]] | None = None
 ) -> dict[str, Tally]:
     """Counts the answers to every question that has rows, in the order of their first rows. `pieces` are some rows
@@ -172,7 +172,7 @@ def count_answers(
         clusters=tuple(
             replace(cluster, number=number)
             for number, values in enumerate(list_wrong_numbers(answers))
-            for cluster in clusters_of(values, tolerances[number] if number < len(tolerances) else None)
+            for cluster in find_clusters(values, tolerances[number] if number < len(tolerances) else None)
         ),
         mistakes=count_mistakes(answers),
     )
@@ -232,7 +232,7 @@ def count_learners(tallies: Sequence[Tally]) -> int:
     return int(np.count_nonzero(np.bincount(np.concatenate([of.learners for of in tallies])))) if tallies else 0
 
 
-def statistics_of(tallies: Sequence[Tally]) -> tuple[QuestionStatistics, ...]:
+def compute_statistics(tallies: Sequence[Tally]) -> tuple[QuestionStatistics, ...]:
     """The statistics of the questions of a quiz: each tells its learners apart by the points at the others."""
     size = 1 + max((int(of.learners.max()) for of in tallies), default=0)
     points, max_points = np.zeros(size), np.zeros(size)
@@ -284,7 +284,7 @@ def item_rest(
     return Estimate(r, math.tanh(z - half), math.tanh(z + half), n)
 
 
-def clusters_of(values: Iterable[float], tolerance: float | None = None) -> tuple[Cluster, ...]:
+def find_clusters(values: Iterable[float], tolerance: float | None = None) -> tuple[Cluster, ...]:
     """Numbers that at least two learners share, the largest cluster first; one value a learner. From the least value
     up, a cluster takes in what lies within `tolerance` of its first value; without one, within half a unit of the third
     figure. The order of the values does not matter."""

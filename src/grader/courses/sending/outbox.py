@@ -65,7 +65,7 @@ def send_scores(
     made = outbox.add_scores(session, course, quiz, question, by)
     if learner is not None:
         database.lock_learner(session, course, learner)
-        keys = outbox.results_of(session, course, quiz, learner)
+        keys = outbox.list_results(session, course, quiz, learner)
         note(session, [key for key in keys if question in (ALL, key.question)], only=made)
 
 

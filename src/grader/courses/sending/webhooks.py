@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
 from grader.courses.people.members import require_credential
-from grader.domain.addresses import RefusedURL, endpoint_of
+from grader.domain.addresses import RefusedURL, resolve_endpoint
 from grader.errors import Conflict, NotFound, Unprocessable
 from grader.store import outbox
 from grader.store.engine.database import Database
@@ -26,7 +26,7 @@ ROTATION = timedelta(days=1)
 """How long messages are signed with the old secret too."""
 
 
-def new_secret() -> str:
+def make_secret() -> str:
     """256 random bits, as Standard Webhooks writes them."""
     return "whsec_" + base64.b64encode(secrets.token_bytes(SECRET_BYTES)).decode()
 
@@ -39,14 +39,14 @@ def create(
     if find_spec("httpx2") is None:
         raise Unprocessable("Webhooks need the package httpx2: install requirements-all.lock, as in docs/deploy.md")
     try:
-        endpoint_of(url, private_hosts)
+        resolve_endpoint(url, private_hosts)
     except RefusedURL as refused:
         raise Unprocessable(f"url: {refused}") from refused
     require_credential(session, who)
     database.lock(session, f"webhooks\n{who.course}")
     if len(outbox.list_webhooks(session, who.course)) >= WEBHOOKS_MAX:
         raise Conflict(f"A course has at most {WEBHOOKS_MAX} webhooks: delete one first.")
-    made = outbox.add_webhook(session, who.course, {"url": url, "secret": new_secret(), "created_by": who.user})
+    made = outbox.add_webhook(session, who.course, {"url": url, "secret": make_secret(), "created_by": who.user})
     record(session, who, who.course, Action.WEBHOOK_CREATED, made.id, url=url)
     return made
 
@@ -64,7 +64,7 @@ def rotate(session: Session, who: Identity, webhook_id: str) -> Destination:
     require_credential(session, who)
     destination = get(session, webhook_id, who.course)
     destination.old_secret, destination.old_until = destination.secret, now() + ROTATION
-    destination.secret = new_secret()
+    destination.secret = make_secret()
     record(session, who, who.course, Action.WEBHOOK_ROTATED, destination.id)
     return destination
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from grader.domain.axes import Placed
-from grader.domain.misread import without_remarks
+from grader.domain.misread import drop_remarks
 from grader.domain.plugins import find_points, load_point
 from grader.domain.run import Job, Limits
 from grader.errors import GraderError, NotFound, PluginError
@@ -107,7 +107,7 @@ class Plan:
 
 def read_parameters(kind: AnyKind, question: ScriptQuestion) -> ExerciseParameters:
     """Returns the check's parameters. Raises pydantic.ValidationError."""
-    text = json.dumps(without_remarks(question.check.parameters))
+    text = json.dumps(drop_remarks(question.check.parameters))
     parameters: ExerciseParameters = kind.parameters.model_validate_json(text, strict=True)
     return parameters
 

@@ -20,7 +20,7 @@ from grader.domain.lab import (
     Slider,
     UnknownLab,
 )
-from grader.domain.misread import explain_misread, without_remarks
+from grader.domain.misread import drop_remarks, explain_misread
 from grader.domain.policy import Late, Policy
 from grader.domain.rubric import SecondMarking
 from grader.errors import Fault
@@ -82,7 +82,7 @@ def list_policy_faults(values: Mapping[str, Any]) -> list[str]:
     return [f"{fault.key.removeprefix('policy.')}: {fault.why}" for fault in faults]
 
 
-def named_parts(raw: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+def name_parts(raw: dict[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield the quiz without its lists, every question and every lab, each with the key that begins its faults."""
     yield "", _without_lists(raw)
     yield from _named_questions(raw)
@@ -134,7 +134,7 @@ def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file:
     parts: list[Part] = []
     faults: dict[str, Fault] = {}
     for key, raw in items:
-        item = fill_in_middle(without_remarks(raw))
+        item = fill_in_middle(drop_remarks(raw))
         try:
             parts.append(adapter.validate_json(json.dumps(item), strict=True))
         except ValidationError as error:

@@ -34,7 +34,7 @@ LABELS = re.compile(r"(?:^|\.)fields\.[0-9]+\.label$")
 
 def unknown_models(raw: Any, models: Mapping[str, str], file: str, key: str) -> Iterator[Fault]:
     """Yield a fault for every model that a question or lab names and that is not in models/."""
-    for at, name in named_models(raw, key) if not of_unknown_kind(raw) else ():
+    for at, name in list_named_models(raw, key) if not of_unknown_kind(raw) else ():
         if name not in models:
             bare = PurePosixPath(name).stem
             near = get_close_matches(name, models, n=1)
@@ -48,11 +48,11 @@ def of_unknown_kind(raw: Any) -> bool:
     return isinstance(raw, dict) and "q" not in raw and name_lab_kind(raw) not in lab_kinds()
 
 
-def named_models(raw: Any, key: str) -> Iterator[tuple[str, str]]:
+def list_named_models(raw: Any, key: str) -> Iterator[tuple[str, str]]:
     """Key and value of every `model`, and of every entry of `models`, at any depth."""
     if isinstance(raw, list):
         for index, item in enumerate(raw):
-            yield from named_models(item, join_key(key, index))
+            yield from list_named_models(item, join_key(key, index))
     elif isinstance(raw, dict):
         for name, item in raw.items():
             if name == "model" and isinstance(item, str):
@@ -63,7 +63,7 @@ def named_models(raw: Any, key: str) -> Iterator[tuple[str, str]]:
                     (join_key(key, name, index), one) for index, one in enumerate(named) if isinstance(one, str)
                 )
             elif not name.startswith("x-"):
-                yield from named_models(item, join_key(key, name))
+                yield from list_named_models(item, join_key(key, name))
 
 
 def read_starter(root: Path, raw: Any, file: str, key: str, own: Mapping[str, str]) -> tuple[str | None, list[Fault]]:
@@ -174,7 +174,7 @@ def semantic_faults(
 
 def list_inputs(part: Question | Lab | UnknownLab, models: Mapping[str, str]) -> list[str]:
     """Returns the JSON of a question or lab, and name and text of each model that it names."""
-    named = {name for _, name in named_models(part.model_dump(), "")}
+    named = {name for _, name in list_named_models(part.model_dump(), "")}
     return [part.model_dump_json(), *(text for name in sorted(named) for text in (name, models.get(name, "")))]
 
 
@@ -199,7 +199,7 @@ def _question_faults(
     kind = kind_of(question)
     for key, why in kind.faults(question):
         yield Fault("", join_key(question.id, key), why)
-    if kind.is_script and {name for _, name in named_models(question.model_dump(), "")} <= set(models):
+    if kind.is_script and {name for _, name in list_named_models(question.model_dump(), "")} <= set(models):
         from grader.exercises import check_exercise  # not needed to grade another answer
 
         yield from check_exercise(question, model_xml, "", text_of)
@@ -218,5 +218,5 @@ def _question_faults(
 
 def _lab_faults(lab: Lab | LabConfig, models: Mapping[str, str], model_xml: ModelXml, key: str) -> Iterator[Fault]:
     """Faults of one lab, whose models must compile; their `file` is empty."""
-    if {name for _, name in named_models(lab.model_dump(), "")} <= {*models, ""}:
+    if {name for _, name in list_named_models(lab.model_dump(), "")} <= {*models, ""}:
         yield from lab_kind_of(lab).check(lab, key, model_xml)

@@ -23,7 +23,7 @@ def parse_address(url: object) -> SplitResult | None:
     return parts
 
 
-def origin_of(url: object) -> str:
+def read_origin(url: object) -> str:
     """`scheme://host[:port]` in lower case without a default port; empty for any other text."""
     parts = parse_address(url)
     if parts is None or parts.hostname is None:
@@ -35,8 +35,8 @@ def origin_of(url: object) -> str:
 
 def is_at(origin: str, url: object) -> bool:
     """Says whether an address is at this origin, which is written in any form."""
-    own = origin_of(origin)
-    return own != "" and origin_of(url) == own
+    own = read_origin(origin)
+    return own != "" and read_origin(url) == own
 
 
 def is_of_platform(url: object) -> bool:
@@ -45,7 +45,7 @@ def is_of_platform(url: object) -> bool:
     return parts is not None and (parts.scheme == "https" or parts.hostname in LOOPBACK)
 
 
-def with_query(url: str, **added: str) -> str:
+def add_query(url: str, **added: str) -> str:
     """Returns the address with parameters added to those that it has."""
     parts = urlsplit(url)
     query = parse_qsl(parts.query, keep_blank_values=True) + list(added.items())

@@ -41,7 +41,7 @@ def arrive(database: Database, session: Session, launch: Launch) -> Arrival | No
     deployment = platforms.note_deployment(session, launch.platform.id, launch.deployment_id)
     if deployment is None or deployment.approved_at is None:
         return None
-    context = platforms.context_at(
+    context = platforms.get_context(
         session, launch.platform.id, launch.deployment_id, launch.context_id, launch.context_title
     )
     if launch.members_url and context.members_url != launch.members_url:
@@ -55,7 +55,7 @@ def arrive(database: Database, session: Session, launch: Launch) -> Arrival | No
         member = members.make_unnamed(session, context.course)
     else:
         person = Person(launch.platform.issuer, launch.subject, launch.name, role)
-        member = rules.member_of(session, context, person)
+        member = rules.get_member(session, context, person)
         sends = launch.reviewed is None and words.SCORES in launch.gradebook.scopes
         if sends and quiz is not None and role is Role.STUDENT:
             send_scores(database, session, context.course, quiz, question or "", learner=member.id, by="lti")
@@ -79,7 +79,7 @@ def find_reviewed(session: Session, launch: Launch, arrival: Arrival) -> str:
     assert launch.reviewed is not None
     if arrival.role is not Role.INSTRUCTOR and launch.reviewed != launch.subject:
         raise Forbidden("Only an instructor of the course looks at the work of others.")
-    member = platforms.member_at(session, arrival.context.id, launch.reviewed)
+    member = platforms.find_member(session, arrival.context.id, launch.reviewed)
     if member is None:
         raise NotFound("This learner has not been here by a link of this course: there is no work to show.")
     return member

@@ -15,7 +15,7 @@ from grader.domain.policy import Policy
 from grader.platforms.launching import claims as words
 from grader.platforms.launching.launch import Selection
 from grader.questions import Question, Quiz
-from grader.store.platforms import resource_id_of
+from grader.store.platforms import make_resource_id
 
 LIFETIME_S = 300
 CHOICES_MAX = 50
@@ -81,7 +81,7 @@ def content_item(choice: Choice, launch_url: str, *, with_line_item: bool) -> di
         "custom": choice.names,
     }
     if with_line_item and choice.points > 0:
-        resource = resource_id_of(choice.quiz.id, None if choice.question is None else choice.question.id)
+        resource = make_resource_id(choice.quiz.id, None if choice.question is None else choice.question.id)
         item["lineItem"] = {"scoreMaximum": choice.points, "label": choice.title, "resourceId": resource}
     policy = choice.policy
     closes = policy.late.until if policy.late else policy.due

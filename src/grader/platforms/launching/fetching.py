@@ -82,7 +82,7 @@ class PlatformKeys:
         held.rests_until = self._clock() + COOL_DOWN_S
         try:
             answer = await self._requester.request("GET", url, headers={"Accept": "application/json"})
-            keys = keys_in(answer.body) if answer.status == 200 else {}
+            keys = read_keys(answer.body) if answer.status == 200 else {}
         except Exception as error:  # whatever the other side, or the way to it, does wrong
             log.warning("the keys of a platform cannot be fetched", url=url, why=type(error).__name__)
             return
@@ -92,7 +92,7 @@ class PlatformKeys:
                 held.rests_until = self._clock()
 
 
-def keys_in(body: bytes) -> dict[str, dict[str, Any]]:
+def read_keys(body: bytes) -> dict[str, dict[str, Any]]:
     """Returns the RSA keys for signatures of a JWK set by `kid`; a key need not name its `alg` and `use`."""
     try:
         listed = json.loads(body)["keys"][:KEYS_MAX]

@@ -28,23 +28,23 @@ async def verify(
     """Returns the claims of a token that `platform` has signed for the login with this nonce. Raises Unauthorized."""
     if len(token) > TOKEN_CHARACTERS_MAX or token.count(".") != 2:
         raise Unauthorized("The launch holds no token that can be read.")
-    kid = kid_in(header_of(token))
-    claims = object_in(signed_payload(token, await keys.key(platform.keys_url, kid)))
+    kid = read_kid(read_header(token))
+    claims = read_object(signed_payload(token, await keys.key(platform.keys_url, kid)))
     check_parties(claims, platform, nonce)
     check_times(claims, clock())
     return claims
 
 
-def header_of(token: str) -> dict[str, Any]:
+def read_header(token: str) -> dict[str, Any]:
     """Returns the header of a token, which nothing has proved yet. Raises Unauthorized."""
     text = token.partition(".")[0]
     try:
-        return object_in(base64.urlsafe_b64decode(text + "=" * (-len(text) % 4)))
+        return read_object(base64.urlsafe_b64decode(text + "=" * (-len(text) % 4)))
     except ValueError as error:
         raise Unauthorized("The header of the launch's token cannot be read.") from error
 
 
-def kid_in(header: dict[str, Any]) -> str:
+def read_kid(header: dict[str, Any]) -> str:
     """Returns the key's id. Keys that the header itself brings along are not looked at. Raises Unauthorized."""
     if header.get("alg") != ALGORITHM:
         raise Unauthorized(f"The launch is not signed with {ALGORITHM}.")
@@ -70,7 +70,7 @@ def signed_payload(token: str, key: dict[str, Any]) -> bytes:
         raise Unauthorized("The signature of the launch is not the platform's.") from error
 
 
-def object_in(text: bytes) -> dict[str, Any]:
+def read_object(text: bytes) -> dict[str, Any]:
     """Returns the JSON object in a text. Raises Unauthorized."""
     try:
         found = json.loads(text)
@@ -97,16 +97,16 @@ def check_parties(claims: dict[str, Any], platform: Platform, nonce: str) -> Non
 
 def check_times(claims: dict[str, Any], at: float) -> None:
     """Raises Unauthorized unless the token is valid now."""
-    expires, issued = moment_in(claims, "exp"), moment_in(claims, "iat")
+    expires, issued = read_moment(claims, "exp"), read_moment(claims, "iat")
     if expires <= at - LEEWAY_S:
         raise Unauthorized("The launch has expired. Start it again.")
     if not at - AGE_MAX_S - LEEWAY_S <= issued <= at + LEEWAY_S:
         raise Unauthorized("The launch was not issued just now: compare the platform's clock with ours.")
-    if "nbf" in claims and moment_in(claims, "nbf") > at + LEEWAY_S:
+    if "nbf" in claims and read_moment(claims, "nbf") > at + LEEWAY_S:
         raise Unauthorized("The launch is not valid yet: compare the platform's clock with ours.")
 
 
-def moment_in(claims: dict[str, Any], name: str) -> float:
+def read_moment(claims: dict[str, Any], name: str) -> float:
     """Returns a moment in seconds since 1970. Raises Unauthorized if it is missing, or no number."""
     value = claims.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LATEST:

@@ -74,21 +74,21 @@ def read_launch(claims: Mapping[str, Any], platform: Platform, origin: str) -> L
     if not (is_selection and target is None) and not is_at(origin, target):
         raise Unauthorized("The launch leads to an address that is not this service's.")
     context = read_part(claims, f"{words.CLAIM}context")
-    quiz, question = chosen_in(read_part(claims, f"{words.CLAIM}custom"), str(target or ""))
+    quiz, question = read_chosen(read_part(claims, f"{words.CLAIM}custom"), str(target or ""))
     return Launch(
         platform=platform, deployment_id=read_identifier(claims, f"{words.CLAIM}deployment_id"),
-        subject=read_identifier(claims, "sub") if "sub" in claims else None, name=name_in(claims),
-        teaches=words.teaches(roles_in(claims)), context_id=read_identifier(context, "id") if context else "",
+        subject=read_identifier(claims, "sub") if "sub" in claims else None, name=read_name(claims),
+        teaches=words.teaches(read_roles(claims)), context_id=read_identifier(context, "id") if context else "",
         context_title=read_label(context.get("title")) or read_label(context.get("label")),
-        link_id="" if is_selection else link_in(claims, is_required=message == words.RESOURCE_LINK), quiz=quiz,
-        question=question, reviewed=reviewed_in(claims) if message == words.SUBMISSION_REVIEW else None,
-        gradebook=gradebook_in(read_part(claims, words.AGS_CLAIM)),
+        link_id="" if is_selection else read_link(claims, is_required=message == words.RESOURCE_LINK), quiz=quiz,
+        question=question, reviewed=read_reviewed(claims) if message == words.SUBMISSION_REVIEW else None,
+        gradebook=read_gradebook(read_part(claims, words.AGS_CLAIM)),
         members_url=read_address(read_part(claims, words.NRPS_CLAIM).get("context_memberships_url")),
-        selection=selection_in(claims) if is_selection else None,
+        selection=read_selection(claims) if is_selection else None,
     )  # fmt: skip
 
 
-def link_in(claims: Mapping[str, Any], *, is_required: bool) -> str:
+def read_link(claims: Mapping[str, Any], *, is_required: bool) -> str:
     """Returns the id of the platform's link, empty for none where it is not required. Raises Unauthorized."""
     link = read_part(claims, f"{words.CLAIM}resource_link")
     if not link and not is_required:
@@ -101,7 +101,7 @@ def link_in(claims: Mapping[str, Any], *, is_required: bool) -> str:
     return read_identifier(link, "id")
 
 
-def reviewed_in(claims: Mapping[str, Any]) -> str:
+def read_reviewed(claims: Mapping[str, Any]) -> str:
     """Returns the user whose work a Submission Review asks for. Raises Unauthorized. Source: LTI Submission Review 1.0,
     section 3.2."""
     return read_identifier(read_part(claims, f"{words.CLAIM}for_user"), "user_id")
@@ -129,13 +129,13 @@ def read_label(text: object) -> str:
     return visible_part(text)[:NAME].strip() if isinstance(text, str) else ""
 
 
-def name_in(claims: Mapping[str, Any]) -> str:
+def read_name(claims: Mapping[str, Any]) -> str:
     """Returns the user's name as far as the platform tells it."""
     whole, given, family, user = (read_label(claims.get(claim)) for claim in NAME_CLAIMS)
     return whole or f"{given} {family}".strip()[:NAME] or user or NAMELESS
 
 
-def roles_in(claims: Mapping[str, Any]) -> list[str]:
+def read_roles(claims: Mapping[str, Any]) -> list[str]:
     """Returns the roles; the list may be empty, but not missing. Raises Unauthorized."""
     roles = claims.get(f"{words.CLAIM}roles")
     if not isinstance(roles, list) or not all(isinstance(role, str) for role in roles[:ROLES_MAX]):
@@ -143,7 +143,7 @@ def roles_in(claims: Mapping[str, Any]) -> list[str]:
     return roles[:ROLES_MAX]
 
 
-def chosen_in(custom: Mapping[str, Any], target: str) -> tuple[str | None, str | None]:
+def read_chosen(custom: Mapping[str, Any], target: str) -> tuple[str | None, str | None]:
     """Quiz and question of a link: its custom parameters, else the query of its address."""
     query = {name: values[0] for name, values in parse_qs(urlsplit(target).query).items()}
     source = custom if read_short_id(custom.get("quiz")) else query
@@ -162,7 +162,7 @@ def read_address(url: object) -> str:
     return str(url) if is_of_platform(url) else ""
 
 
-def gradebook_in(claim: Mapping[str, Any]) -> Gradebook:
+def read_gradebook(claim: Mapping[str, Any]) -> Gradebook:
     """Returns the services that the launch grants."""
     listed = claim.get("scope")
     granted = listed if isinstance(listed, list) else []
@@ -170,7 +170,7 @@ def gradebook_in(claim: Mapping[str, Any]) -> Gradebook:
     return Gradebook(read_address(claim.get("lineitem")), read_address(claim.get("lineitems")), scopes)
 
 
-def selection_in(claims: Mapping[str, Any]) -> Selection:
+def read_selection(claims: Mapping[str, Any]) -> Selection:
     """The settings of a Deep Linking request. Raises Unauthorized if nothing chosen here could be given back."""
     settings = read_part(claims, f"{words.DEEP_LINKING_CLAIM}deep_linking_settings")
     return_url, data = read_address(settings.get("deep_link_return_url")), settings.get("data")

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from grader.domain.platform import Platform
 from grader.errors import Unauthorized, Unprocessable
-from grader.platforms.launching.addresses import is_at, with_query
+from grader.platforms.launching.addresses import add_query, is_at
 from grader.store import platforms, tickets
 
 PURPOSE = "lti-login"
@@ -53,7 +53,7 @@ class Unbound:
     storage: str
 
 
-def fields_in(pairs: Sequence[tuple[str, str]]) -> dict[str, str]:
+def read_fields(pairs: Sequence[tuple[str, str]]) -> dict[str, str]:
     """Returns the parameters of a login. Raises Unprocessable if one is there twice, or too long."""
     known = [(name, value) for name, value in pairs if name in FIELDS]
     fields = dict(known)
@@ -71,12 +71,12 @@ def begin(session: Session, fields: Mapping[str, str], origin: str) -> Login:
         raise Unprocessable("The login has no login_hint: start it from your learning platform.")
     if not is_at(origin, fields.get("target_link_uri")):
         raise Unprocessable("The login leads to an address that is not this service's.")
-    platform = platform_of(session, fields)
+    platform = find_platform(session, fields)
     nonce, key = secrets.token_urlsafe(32), secrets.token_urlsafe(32)
-    body = {"platform": platform.id, "nonce": nonce, "key": tickets.hash_of(key), "fields": dict(fields)}
+    body = {"platform": platform.id, "nonce": nonce, "key": tickets.hash_secret(key), "fields": dict(fields)}
     state = tickets.issue(session, PURPOSE, body, LIFETIME)
     hint = fields.get("lti_message_hint")
-    address = with_query(
+    address = add_query(
         platform.login_url, scope="openid", response_type="id_token", response_mode="form_post", prompt="none",
         client_id=platform.client_id, redirect_uri=launch_url(origin), state=state, nonce=nonce,
         login_hint=fields["login_hint"], **({} if hint is None else {"lti_message_hint": hint}),
@@ -84,7 +84,7 @@ def begin(session: Session, fields: Mapping[str, str], origin: str) -> Login:
     return Login(platform, state, key, address, fields.get(STORAGE, ""))
 
 
-def platform_of(session: Session, fields: Mapping[str, str]) -> Platform:
+def find_platform(session: Session, fields: Mapping[str, str]) -> Platform:
     """Returns the approved platform that begins a login. Raises Unauthorized."""
     issuer = fields.get("iss", "")
     found = platforms.find_registered(session, issuer, fields.get("client_id"))
@@ -103,7 +103,7 @@ def answer(session: Session, state: str, key: str) -> Answered | Unbound:
     row = None if body is None else platforms.get(session, body["platform"])
     if body is None or row is None or row.approved_at is None:
         raise Unauthorized("This launch was used already, or is too old. Start it again from your learning platform.")
-    if not hmac.compare_digest(body["key"], tickets.hash_of(key)):
+    if not hmac.compare_digest(body["key"], tickets.hash_secret(key)):
         fields: dict[str, str] = body["fields"]
         again = {name: value for name, value in fields.items() if name != STORAGE}
         return Unbound(platforms.read_platform(row), again, fields.get(STORAGE, ""))
@@ -112,9 +112,9 @@ def answer(session: Session, state: str, key: str) -> Answered | Unbound:
     return Answered(platforms.read_platform(row), body["nonce"])
 
 
-def name_of(state: str) -> str:
+def make_name(state: str) -> str:
     """Says what the browser's key of a login is called, in a cookie or in the platform's storage."""
-    return f"grader_lti_{tickets.hash_of(state)[:16]}"
+    return f"grader_lti_{tickets.hash_secret(state)[:16]}"
 
 
 def login_url(origin: str) -> str:

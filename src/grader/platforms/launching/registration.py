@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 from grader.courses.people.platforms import Registration
 from grader.errors import Unprocessable
 from grader.platforms.launching import claims as words
-from grader.platforms.launching.addresses import is_of_platform, origin_of
+from grader.platforms.launching.addresses import is_of_platform, read_origin
 from grader.platforms.launching.fetching import Requester
 from grader.platforms.launching.launch import read_label
 from grader.platforms.launching.login import keys_url, launch_url, login_url
@@ -67,7 +67,7 @@ async def register(requester: Requester, configuration_url: str, token: str, ori
     if not is_of_platform(configuration_url) or len(token) > TOKEN_CHARACTERS_MAX or not token.isprintable():
         raise Unprocessable("The address of the platform's configuration cannot be used.")
     configuration = await exchange(requester, "GET", configuration_url)
-    registration = registration_in(configuration, configuration_url)
+    registration = read_configuration(configuration, configuration_url)
     endpoint = configuration.get("registration_endpoint")
     if not is_of_platform(endpoint):
         raise Unprocessable("The platform's configuration has no registration_endpoint.")
@@ -82,7 +82,7 @@ async def register(requester: Requester, configuration_url: str, token: str, ori
     return Registered(known, deployment if isinstance(deployment, str) else None)
 
 
-def registration_in(configuration: Mapping[str, Any], url: str) -> Registration:
+def read_configuration(configuration: Mapping[str, Any], url: str) -> Registration:
     """Says what a platform's configuration says; its client id is not known yet. Raises Unprocessable."""
     issuer = configuration.get("issuer")
     if not isinstance(issuer, str) or urlsplit(issuer).hostname != urlsplit(url).hostname:
@@ -98,7 +98,7 @@ def registration_in(configuration: Mapping[str, Any], url: str) -> Registration:
     return Registration(
         name=f"{family} {urlsplit(issuer).hostname}".strip(), issuer=issuer, client_id="", login_url=login,
         token_url=token, keys_url=keys, token_audience=audience if isinstance(audience, str) else "",
-        origins=tuple(dict.fromkeys((origin_of(issuer), origin_of(login)))),
+        origins=tuple(dict.fromkeys((read_origin(issuer), read_origin(login)))),
     )  # fmt: skip
 
 
@@ -110,7 +110,7 @@ async def exchange(
     try:
         answer = await requester.request(method, url, headers=sent, body=body)
     except Exception as error:  # whatever the other side, or the way to it, does wrong
-        raise Unprocessable(f"The platform cannot be reached at {origin_of(url)}: {type(error).__name__}.") from error
+        raise Unprocessable(f"The platform cannot be reached at {read_origin(url)}: {type(error).__name__}.") from error
     if answer.status not in CREATED:
         raise Unprocessable(f"The platform refuses: it answers {answer.status}.")
     try:

@@ -45,7 +45,7 @@ class CallFailed(Exception):
         self.response = response
 
 
-def with_path(url: str, part: str, **query: str) -> str:
+def add_path(url: str, part: str, **query: str) -> str:
     """Returns a URL with one more path segment, if any, and more query parameters: the ones that it has stay. Moodle
     and others hand out line items such as `.../lineitem?type_id=2`."""
     parts = urlsplit(url)
@@ -100,7 +100,7 @@ class LineItems:
 
     async def _found(self, target: ScoreTarget) -> str | None:
         """Returns the line item with our resource id, if there is one: platforms may ignore the filter."""
-        url: str | None = with_path(target.line_items_url, "", resource_id=target.resource_id)
+        url: str | None = add_path(target.line_items_url, "", resource_id=target.resource_id)
         for _ in range(PAGES_MAX):
             if url is None:
                 return None
@@ -108,7 +108,7 @@ class LineItems:
             listed = response.json()
             for item in listed if isinstance(listed, list) else ():
                 if isinstance(item, dict) and item.get("resourceId") == target.resource_id:
-                    return url_in(item, url)
+                    return read_url(item, url)
             url = next_page(response, url)
         return None
 
@@ -121,7 +121,7 @@ class LineItems:
         url = target.line_items_url
         headers = {"Content-Type": MEDIA, "Accept": MEDIA}
         response = await self._call(target, "POST", url, headers, json.dumps(item).encode())
-        return url_in(response.json(), url)
+        return read_url(response.json(), url)
 
     async def _call(
         self, target: ScoreTarget, method: str, url: str, headers: dict[str, str], body: bytes | None = None
@@ -134,7 +134,7 @@ class LineItems:
         return response
 
 
-def url_in(item: Any, base: str) -> str:
+def read_url(item: Any, base: str) -> str:
     """Returns the URL of a line item as the platform returned it. Raises Unreachable."""
     found = item.get("id") if isinstance(item, dict) else None
     if not isinstance(found, str) or not found:

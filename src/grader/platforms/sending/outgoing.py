@@ -15,7 +15,7 @@ from typing import Any
 
 import httpx2
 
-from grader.domain.addresses import Endpoint, endpoint_of, read_literal, refuse_address
+from grader.domain.addresses import Endpoint, read_literal, refuse_address, resolve_endpoint
 
 TIME_MAX_S = 20.0
 """For a whole request, with resolving the name [s]."""
@@ -87,7 +87,7 @@ class Outgoing:
     ) -> Response:  # fmt: skip
         """Sends one request; without `reads` only the status and headers of the answer are read. Raises RefusedURL for
         a URL that is not allowed, and Unreachable."""
-        endpoint = endpoint_of(url, self.private_hosts)
+        endpoint = resolve_endpoint(url, self.private_hosts)
         try:
             async with asyncio.timeout(self.time_max_s):
                 addresses = await self._addresses(endpoint)

@@ -91,7 +91,7 @@ def read_number(given: Any) -> float | None:
     return float(given) if isinstance(given, int | float) and not isinstance(given, bool) else None
 
 
-def score_of(
+def compute_score(
     results: Mapping[str, Result], worth: Mapping[str, float], question: str, comments: Mapping[str, str] = NO_COMMENTS
 ) -> Score | None:
     """Returns the score of one question, or with an empty `question` of the whole quiz. `results` are the learner's, by

@@ -23,10 +23,10 @@ from grader.domain.addresses import RefusedURL
 from grader.domain.platform import ScoreTarget
 from grader.library import Library
 from grader.platforms.sending.access_tokens import AccessTokens, NoToken
-from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, LineItems, choose_scopes, with_path
+from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, LineItems, add_path, choose_scopes
 from grader.platforms.sending.outgoing import Response, Unreachable
 from grader.platforms.sending.replies import Again, Dead, Failed, Held, Later, Reply, Sent, Unneeded, retry_after_s
-from grader.platforms.sending.score import PlatformResult, Score, score_of
+from grader.platforms.sending.score import PlatformResult, Score, compute_score
 from grader.store import results
 from grader.store.outbox import Delivery, Destination
 from grader.store.reviewing import reviews
@@ -86,11 +86,11 @@ class Scores:
     def prepare(self, session: Session, row: Delivery, _destination: Destination) -> Prepared | Reply:
         """Computes the score as it is now, and stores that it is tried: a later try may have to know."""
         library = self.current_library(session, row.course, row.quiz)
-        theirs = results.of_learner(session, row.course, row.learner, row.quiz)
+        theirs = results.find_of_learner(session, row.course, row.learner, row.quiz)
         quiz = library.quizzes.get(row.quiz)
         worth = {} if quiz is None else {question.id: question.points for question in quiz.questions}
         remarks = reviews.read_remarks(session, [result.submission_id for result in theirs.values()])
-        score = score_of(theirs, worth, row.question, remarks)
+        score = compute_score(theirs, worth, row.question, remarks)
         sent = None if row.sent is None else Score.from_json(row.sent)
         tried = [Score.from_json(item) for item in json.loads(row.tried or "[]")]
         if score is None or is_no_student(session, row) or not is_news(score, sent, tried, forced=row.forced):
@@ -146,7 +146,7 @@ class Scores:
         target = prepared.target
         if READ_RESULT not in target.scopes:
             return None
-        asked = with_path(url, "results", user_id=target.lti_user_id)
+        asked = add_path(url, "results", user_id=target.lti_user_id)
         response = await self._call(target, "GET", asked, {"Accept": MEDIA_RESULTS})
         if response.status == HTTPStatus.NOT_FOUND:
             raise Failed(self._gone(target, response))
@@ -157,7 +157,7 @@ class Scores:
     async def _post(self, prepared: Prepared, url: str) -> Reply:
         target, score = prepared.target, prepared.score
         body = score.body(target.lti_user_id, prepared.timestamp, clears_comment=prepared.clears_comment)
-        response = await self._call(target, "POST", with_path(url, "scores"), {"Content-Type": MEDIA_SCORE}, body)
+        response = await self._call(target, "POST", add_path(url, "scores"), {"Content-Type": MEDIA_SCORE}, body)
         if HTTPStatus.OK <= response.status < HTTPStatus.MULTIPLE_CHOICES:
             return Sent(score.to_json())
         if response.status == HTTPStatus.NOT_FOUND:

@@ -57,7 +57,7 @@ class Webhooks:
         """Sends a message. Any success is one; 410 ends the webhook; all else is tried again."""
         try:
             response = await self.outgoing.request(
-                "POST", prepared.url, headers=headers_of(prepared, self.clock()), body=prepared.body, reads=False
+                "POST", prepared.url, headers=build_headers(prepared, self.clock()), body=prepared.body, reads=False
             )
         except RefusedURL as refused:
             return Dead(str(refused))
@@ -82,7 +82,7 @@ def build_message(row: Delivery, result: Result) -> bytes:
     return json.dumps({"type": CHANGED, "timestamp": row.noted_at.isoformat(), "data": data}).encode()
 
 
-def headers_of(prepared: Prepared, moment: datetime) -> Mapping[str, str]:
+def build_headers(prepared: Prepared, moment: datetime) -> Mapping[str, str]:
     """Returns the headers of one try, with the time of this try."""
     timestamp = str(int(moment.timestamp()))
     signed = b".".join((prepared.id.encode(), timestamp.encode(), prepared.body))

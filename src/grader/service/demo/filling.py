@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 from grader.courses.answering import results
 from grader.courses.answering.policies import change_policy
 from grader.courses.people import members
-from grader.courses.people.identity import DEFAULT_COURSE, Identity, Role, checked_name
+from grader.courses.people.identity import DEFAULT_COURSE, Identity, Role, check_name
 from grader.courses.people.pseudonyms import Blinding
 from grader.courses.reviewing import reviews
 from grader.courses.reviewing.desk import Desk
@@ -74,7 +74,7 @@ def fill_demo(
 ) -> DemoFilled:  # fmt: skip
     """Fills a course. The same seed, course, content and time give the same learners and answers. Raises Conflict where
     the course has answers already, or, unless `beside` is given, another course of the database; ContentError."""
-    course = checked_name("course", course or DEFAULT_COURSE)
+    course = check_name("course", course or DEFAULT_COURSE)
     rng = Random(f"{seed} {course}")  # ids are unique in the database
     database = open_database(settings)
     try:

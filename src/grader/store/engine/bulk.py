@@ -66,7 +66,7 @@ def insert_rows(session: Session, *tables: TableRows, replace: type[DeclarativeB
             statement = _insert_values(table, names, replaces=table is replace)
             connection.exec_driver_sql(statement, list(map(itemgetter(*names), rows)))
     elif filled:
-        sent = {rows_of(table): to_json(rows).decode() for table, rows in filled}
+        sent = {bind_rows(table): to_json(rows).decode() for table, rows in filled}
         connection.execute(_insert_json(tuple(columns), replace), sent)
 
 
@@ -93,12 +93,12 @@ def _sqlite_moment(moment: datetime) -> str:
 sqlite3.register_adapter(datetime, _sqlite_moment)
 
 
-def insert_of(backend: str) -> Any:
+def get_insert(backend: str) -> Any:
     """The `insert` of a database that knows ON CONFLICT; SQLAlchemy has one for each."""
     return (sqlite if backend == "sqlite" else postgresql).insert
 
 
-def rows_of(table: type[DeclarativeBase]) -> str:
+def bind_rows(table: type[DeclarativeBase]) -> str:
     """The parameter with the rows of a table: a JSON list of objects."""
     return f"rows_of_{table.__tablename__}"
 
@@ -115,9 +115,9 @@ def _insert_json(
 
 def _insert_from_json(table: type[DeclarativeBase], names: tuple[str, ...], *, replaces: bool) -> Any:
     columns = table.__table__.columns
-    read = func.json_to_recordset(cast(bindparam(rows_of(table), type_=Text), JSON))
+    read = func.json_to_recordset(cast(bindparam(bind_rows(table), type_=Text), JSON))
     items = read.table_valued(*(column(name, columns[name].type) for name in names), name="items")
-    row = insert_of("postgresql")(table.__table__)
+    row = get_insert("postgresql")(table.__table__)
     row = row.from_select(names, select(items.render_derived(with_types=True)))
     return _replacing(row, table) if replaces else row
 
@@ -125,7 +125,7 @@ def _insert_from_json(table: type[DeclarativeBase], names: tuple[str, ...], *, r
 @cache
 def _insert_values(table: type[DeclarativeBase], names: tuple[str, ...], *, replaces: bool) -> str:
     """The statement for SQLite that inserts a row with these columns."""
-    row: Any = insert_of("sqlite")(table.__table__).values(dict.fromkeys(names))
+    row: Any = get_insert("sqlite")(table.__table__).values(dict.fromkeys(names))
     return str((_replacing(row, table) if replaces else row).compile(dialect=sqlite.dialect()))
 
 

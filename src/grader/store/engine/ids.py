@@ -16,7 +16,7 @@ def now_ns() -> int:
     return time.time_ns()
 
 
-def new_id(after: str = "", random: str = "") -> str:
+def make_id(after: str = "", random: str = "") -> str:
     """32 hexadecimal digits: 68 bits of time in ticks of about a nanosecond, so that ids sort by time, and 60 random
     bits: RANDOM_DIGITS digits that may be drawn before. It sorts behind the id `after`, also where the clock has been
     set back."""
@@ -25,17 +25,17 @@ def new_id(after: str = "", random: str = "") -> str:
 
 
 def first_id(moment: datetime) -> str:
-    """The least id that `new_id` makes at a moment."""
+    """The least id that `make_id` makes at a moment."""
     return f"{int(moment.timestamp() * 1000):012x}{'0' * 20}"
 
 
 def age_s(new_id_: str) -> float | None:
-    """The time since `new_id` made an id [s], at least 0; None for another text."""
+    """The time since `make_id` made an id [s], at least 0; None for another text."""
     if len(new_id_) != 32 or not all(digit in string.hexdigits for digit in new_id_):
         return None
     return max(0, now_ns() // 1_000_000 - int(new_id_[:12], 16)) / 1000
 
 
-def new_member_id() -> str:
+def make_member_id() -> str:
     """128 random bits as 32 hexadecimal digits."""
     return secrets.token_hex(16)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from sqlalchemy import ForeignKey, Index, String, Text, func, select
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from grader.store.engine.ids import new_id
+from grader.store.engine.ids import make_id
 from grader.store.tables import NAME, Base, Submission, now
 
 
@@ -17,7 +17,7 @@ class LineComment(Base):
     __tablename__ = "line_comments"
     __table_args__ = (Index("ix_line_comments_submission", "submission_id", "id"),)
 
-    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=make_id)
     course: Mapped[str] = mapped_column(String(NAME))
     submission_id: Mapped[str] = mapped_column(ForeignKey("submissions.id"))
     line: Mapped[int | None]
@@ -64,7 +64,7 @@ class Commented(NamedTuple):
     comments: int
 
 
-def of_learner(session: Session, course: str, learner: str) -> Sequence[Commented]:
+def list_of_learner(session: Session, course: str, learner: str) -> Sequence[Commented]:
     """The attempts of a learner that have comments, the newest first."""
     columns = (Submission.quiz, Submission.question, Submission.id, Submission.created_at)
     counted = select(*columns, func.count()).join(LineComment, LineComment.submission_id == Submission.id)
@@ -77,7 +77,7 @@ def find(session: Session, comment_id: str, course: str) -> LineComment | None:
     return session.scalar(select(LineComment).where(LineComment.id == comment_id, LineComment.course == course))
 
 
-def copies_of(session: Session, original: str, learner: str) -> list[str]:
+def list_copies(session: Session, original: str, learner: str) -> list[str]:
     """The ids of the copies of a submission that a member ran, the newest first."""
     wanted = select(TriedCopy.submission_id).join(Submission, Submission.id == TriedCopy.submission_id)
     mine = wanted.where(TriedCopy.original == original, Submission.learner == learner)

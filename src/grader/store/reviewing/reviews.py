@@ -81,7 +81,7 @@ def find_oldest(session: Session, queue: Queue, reviewer: str, clock: datetime) 
     return free or session.scalar(longest.where(ReviewClaim.reviewer == reviewer))
 
 
-def claim_on(session: Session, submission_id: str, clock: datetime) -> ReviewClaim | None:
+def find_claim(session: Session, submission_id: str, clock: datetime) -> ReviewClaim | None:
     """The claim on the submission, if one still holds."""
     claim = session.get(ReviewClaim, submission_id)
     return claim if claim is not None and claim.expires_at > clock else None
@@ -99,12 +99,12 @@ def drop_claim(session: Session, submission_id: str) -> None:
         session.delete(claim)
 
 
-def review_of(session: Session, submission_id: str) -> Review | None:
+def find_review(session: Session, submission_id: str) -> Review | None:
     """What is known of the review of a submission; None before the first."""
     return session.get(Review, submission_id)
 
 
-def of_submissions(session: Session, submissions: Iterable[str]) -> dict[str, Review]:
+def find_of_submissions(session: Session, submissions: Iterable[str]) -> dict[str, Review]:
     """What is known of the reviews of submissions, by id; without those that have none."""
     rows = select(Review).where(Review.submission_id.in_(list(submissions)))
     return {row.submission_id: row for row in session.scalars(rows)}
@@ -122,13 +122,13 @@ def find_undecided(
     return {(row.quiz, row.learner) for row in session.execute(rows)}
 
 
-def unseen_marks(session: Session, course: str, reviewer: str) -> Sequence[Any]:
+def list_unseen(session: Session, course: str, reviewer: str) -> Sequence[Any]:
     """Id, course, learner, quiz, question of submissions with only a first mark yet, which another reviewer gave."""
     columns = (Submission.id, Submission.course, *_PLACE)
     return session.execute(select(*columns).where(Submission.id.in_(_first_marks(course, reviewer)))).all()
 
 
-def unseen_places(course: str, reviewer: str) -> Select[str, str, str]:
+def select_unseen_places(course: str, reviewer: str) -> Select[str, str, str]:
     """Selects learner, quiz and question of those submissions."""
     return select(*_PLACE).where(Submission.id.in_(_first_marks(course, reviewer)))
 
@@ -180,13 +180,13 @@ def graders_verdicts(session: Session, submissions: Iterable[str]) -> dict[str, 
     return {submission: json.loads(body) for submission, body in session.execute(rows)}
 
 
-def with_rubric(session: Session) -> list[tuple[str, str, str]]:
+def list_with_rubric(session: Session) -> list[tuple[str, str, str]]:
     """Every course, quiz and question with reviews whose points follow a rubric."""
     rows = select(Review.course, Review.quiz, Review.question).where(Review.rubric.is_not(None)).distinct()
     return [(row.course, row.quiz, row.question) for row in session.execute(rows)]
 
 
-def of_other_rubric(session: Session, quiz: str, question: str, fingerprint: str, course: str) -> list[str]:
+def list_of_other_rubric(session: Session, quiz: str, question: str, fingerprint: str, course: str) -> list[str]:
     """The ids of submissions of a course whose marks were computed with another rubric of the question."""
     here = (Review.course == course, Review.quiz == quiz, Review.question == question, Review.rubric != fingerprint)
     return list(session.scalars(select(Review.submission_id).where(*here).order_by(Review.submission_id)))
@@ -208,7 +208,7 @@ def _counts(averaged: Collection[str]) -> ColumnElement[bool]:
     return or_(Submission.quiz.in_(averaged), is_newest) if averaged else is_newest
 
 
-def comments_on(session: Session, course: str, quiz: str, question: str) -> Sequence[SavedComment]:
+def find_comments(session: Session, course: str, quiz: str, question: str) -> Sequence[SavedComment]:
     """The comments saved for a question, oldest first."""
     here = (SavedComment.course == course, SavedComment.quiz == quiz, SavedComment.question == question)
     return session.scalars(select(SavedComment).where(*here).order_by(SavedComment.id)).all()

@@ -53,13 +53,15 @@ OF_LEARNER: dict[str, type[Base]] = {
 }
 
 
-def holdings_of(session: Session, member: Member) -> dict[str, Any]:
+def gather_holdings(session: Session, member: Member) -> dict[str, Any]:
     """The member, their credentials, submissions and results, and the audit log's entries about them, as plain values.
     Each submission has its verdicts, events, review and claim."""
     theirs = Submission.course == member.course, Submission.learner == member.id
     ids = select(Submission.id).where(*theirs)
-    below = {name: rows_of(session, row, _column(row, "submission_id").in_(ids)) for name, row in OF_SUBMISSION.items()}
-    submissions = rows_of(session, Submission, *theirs)
+    below = {
+        name: read_rows(session, row, _column(row, "submission_id").in_(ids)) for name, row in OF_SUBMISSION.items()
+    }
+    submissions = read_rows(session, Submission, *theirs)
     for submission in submissions:
         submission |= {
             name: [row for row in rows if row["submission_id"] == submission["id"]] for name, rows in below.items()
@@ -72,16 +74,16 @@ def holdings_of(session: Session, member: Member) -> dict[str, Any]:
         AuditEntry.subject.in_(ids),
     )
     return {
-        "member": values_of(member),
-        "credentials": rows_of(session, Credential, Credential.member == member.id),
-        "platforms": platforms_of(session, member),
+        "member": read_values(member),
+        "credentials": read_rows(session, Credential, Credential.member == member.id),
+        "platforms": gather_platforms(session, member),
         "submissions": submissions,
-        **{name: rows_of(session, row, _column(row, "learner") == member.id) for name, row in OF_LEARNER.items()},
-        "audit": rows_of(session, AuditEntry, AuditEntry.course == member.course, is_about),
+        **{name: read_rows(session, row, _column(row, "learner") == member.id) for name, row in OF_LEARNER.items()},
+        "audit": read_rows(session, AuditEntry, AuditEntry.course == member.course, is_about),
     }
 
 
-def platforms_of(session: Session, member: Member) -> list[dict[str, Any]]:
+def gather_platforms(session: Session, member: Member) -> list[dict[str, Any]]:
     """What learning platforms have told of the member, and in which of their courses."""
     rows = (
         select(LtiUser, Context.title, PlatformRow.issuer)
@@ -89,16 +91,16 @@ def platforms_of(session: Session, member: Member) -> list[dict[str, Any]]:
         .join(PlatformRow, PlatformRow.id == Context.platform)
         .where(LtiUser.member == member.id)
     )
-    return [{**values_of(user), "title": title, "issuer": issuer} for user, title, issuer in session.execute(rows)]
+    return [{**read_values(user), "title": title, "issuer": issuer} for user, title, issuer in session.execute(rows)]
 
 
-def rows_of(session: Session, table: type[Base], *where: ColumnElement[bool]) -> list[dict[str, Any]]:
+def read_rows(session: Session, table: type[Base], *where: ColumnElement[bool]) -> list[dict[str, Any]]:
     """The rows of a table, in the order of its key; comments on a script line by line."""
     order: Sequence[Any] = BY_LINE if table is LineComment else table.__mapper__.primary_key
-    return [values_of(row) for row in session.scalars(select(table).where(*where).order_by(*order))]
+    return [read_values(row) for row in session.scalars(select(table).where(*where).order_by(*order))]
 
 
-def values_of(row: Base) -> dict[str, Any]:
+def read_values(row: Base) -> dict[str, Any]:
     """A row by column, with JSON as what it says; without secrets."""
     values = {
         column.key: getattr(row, column.key) for column in row.__mapper__.column_attrs if column.key not in SECRETS

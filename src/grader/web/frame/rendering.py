@@ -14,7 +14,7 @@ from jinja2.bccache import Bucket
 
 from grader import labs
 from grader.domain.pages.markup import show_directions, spoken_text
-from grader.gate.services import services_in
+from grader.gate.services import get_services
 from grader.labs import lab_kinds
 from grader.questions import installed_kinds, template_of
 from grader.store import platforms
@@ -121,6 +121,6 @@ def page(
 
 def list_origins(request: Request, platform_id: int) -> tuple[str, ...]:
     """Returns the origins whose pages may show ours in a frame; none once the platform is removed."""
-    with services_in(request.app).database.read() as session:
+    with get_services(request.app).database.read() as session:
         row = platforms.get(session, platform_id)
         return () if row is None else platforms.read_platform(row).origins

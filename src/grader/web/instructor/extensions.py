@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from grader.courses.answering import publication, results
 from grader.courses.answering.policies import read_policies
 from grader.courses.people.identity import Identity
-from grader.courses.people.namesakes import mark_name, marks_in
+from grader.courses.people.namesakes import make_marks, mark_name
 from grader.domain.policy import Extension, Policy
 from grader.errors import Unprocessable
 from grader.gate.late_routes import page_router
@@ -56,11 +56,11 @@ def render(request: Request, services: Services, who: Identity, quiz: str, statu
     with services.database.read() as session:
         given = [
             {"name": name, "row": row, **describe_dates(row)}
-            for row, name in extensions.of_quiz(session, who.course, chosen.id)
+            for row, name in extensions.list_of_quiz(session, who.course, chosen.id)
         ]
         published = extensions.find_published(session, who.course, [chosen.id]).get(chosen.id)
         policy = read_policies(session, library, who.course, [chosen.id])[chosen.id]
-        learners, marks = people.list_learners(session, who.course, BOXES + 1), marks_in(session, who.course)
+        learners, marks = people.list_learners(session, who.course, BOXES + 1), make_marks(session, who.course)
     context: dict[str, Any] = {
         "learners": learners[:BOXES],
         "more_learners": len(learners) > BOXES,
@@ -104,7 +104,7 @@ def grant(request: Request, services: AppServices, who: Instructor, form: Form) 
             raise Unprocessable("Give a date or further attempts. “Take back” below ends an extension.")
         with services.database.write() as session:
             chosen = choose_learners(
-                form, people.list_learners(session, who.course), marks := marks_in(session, who.course)
+                form, people.list_learners(session, who.course), marks := make_marks(session, who.course)
             )
             for learner in sorted(
                 chosen, key=lambda member: member.id

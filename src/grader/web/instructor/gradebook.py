@@ -10,8 +10,8 @@ from fastapi.responses import Response
 from sqlalchemy.orm import Session
 
 from grader.courses.people.identity import Identity
-from grader.courses.people.namesakes import marks_in
-from grader.courses.reviewing.blinding import unseen_by
+from grader.courses.people.namesakes import make_marks
+from grader.courses.reviewing.blinding import find_unseen
 from grader.courses.rules.gradebook import Form
 from grader.domain.pages.markup import plain_text
 from grader.domain.verdict import Status
@@ -106,8 +106,8 @@ def gradebook(
     order = {"by": by if by in ORDERS else ORDERS[0], "descending": down}
     with services.database.read() as session:
         rows = list_rows(session, who, chosen, start, **shown, **order)
-        absent = people.without_results(session, who.course, [entry.id for entry in chosen], find, ABSENT + 1)
-        marks = marks_in(session, who.course)
+        absent = people.list_without_results(session, who.course, [entry.id for entry in chosen], find, ABSENT + 1)
+        marks = make_marks(session, who.course)
     columns = list_questions(library, chosen[0]) if len(chosen) == 1 else list_quizzes(chosen)
     context: dict[str, Any] = {
         **shown,
@@ -153,14 +153,14 @@ def sum_points(quiz: Quiz) -> float:
 
 def list_rows(session: Session, who: Identity, quizzes: Sequence[Quiz], start: int, **wanted: Any) -> list[Row]:
     """Returns one learner more than a page has."""
-    without, unseen = results.list_instructors(session, who.course), unseen_by(session, who).results
+    without, unseen = results.list_instructors(session, who.course), find_unseen(session, who).results
     reviewer = who.id if unseen else ""
     questions, ids = sum(len(quiz.questions) for quiz in quizzes), [quiz.id for quiz in quizzes]
     ranking = Ranking(who.course, ids, questions, without, reviewer=reviewer, **wanted)
     found = results.rank_learners(session, ranking, start, ROWS + 1)
     learners = [learner for learner, _ in found]
     if len(quizzes) == 1:
-        theirs = results.of_learners(session, who.course, ids[0], learners)
+        theirs = results.find_of_learners(session, who.course, ids[0], learners)
         return [make_row(learner, name, theirs[learner], quizzes[0], unseen) for learner, name in found]
     sums = results.sums_of_learners(session, ranking, learners)
     hidden = {(result.learner, result.quiz) for result in unseen}

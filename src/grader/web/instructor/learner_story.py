@@ -7,8 +7,8 @@ from typing import Annotated, Any
 from fastapi import Query, Request
 from fastapi.responses import Response
 
-from grader.courses.people.namesakes import marks_in
-from grader.courses.reviewing.blinding import hide_names, unseen_by
+from grader.courses.people.namesakes import make_marks
+from grader.courses.reviewing.blinding import find_unseen, hide_names
 from grader.errors import NotFound
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
@@ -48,9 +48,9 @@ def story(
         averaged = desk.list_averaged(session, who.course)
         seen = hide_names(desk, session, who, rows, submissions.read_verdicts(session, rows))
         counts = results.find_everywhere(session, who.course, learner)
-        unseen = unseen_by(session, who).results
+        unseen = find_unseen(session, who).results
         shown = [(row, read_in_full(row, seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
-        marks = marks_in(session, who.course)
+        marks = make_marks(session, who.course)
     given = [(row.quiz, row.question, None if row.id in seen.names else attempt) for row, attempt in shown]
     cells = {at: make_cell(result, unseen) for at, result in counts.items()}
     name = member.name if member is not None else rows[0].user

@@ -17,7 +17,7 @@ from grader.courses.people import members as rules
 from grader.courses.people.audit import Action
 from grader.courses.people.external import known_as
 from grader.courses.people.identity import Identity, Role, Scope
-from grader.courses.people.namesakes import marks_in
+from grader.courses.people.namesakes import make_marks
 from grader.courses.rules.csv_cells import guard, write_lines
 from grader.errors import CallerError, NotFound, Unauthorized, Unprocessable
 from grader.gate.late_routes import page_router
@@ -105,9 +105,9 @@ def render(
 ) -> Response:  # fmt: skip
     """Renders a part as it is now, with the outcome of a form: what was `typed`, `links` shown once, a `token`."""
     with services.database.read() as session:
-        members = people.by_name(session, who.course, listed.start, ROWS, listed.wanted)
+        members = people.list_by_name(session, who.course, listed.start, ROWS, listed.wanted)
         entries = courses.audit_page(session, who.course, before, ROWS + 1)
-        link = courses.link_of(session, who.course)
+        link = courses.find_link(session, who.course)
         context: dict[str, Any] = {
             "part": part,
             "members": list_members(session, who, members),
@@ -120,7 +120,7 @@ def render(
             ],
             "tokens": [tokens.describe_credential(token) for token in tokens.list_tokens(session, who.course)],
             "audit": [(entry, *describe_subject(entry)) for entry in entries[:ROWS]],
-            "marks": marks_in(session, who.course),
+            "marks": make_marks(session, who.course),
             "more_audit": entries[ROWS - 1].id if len(entries) > ROWS else None,
         }
     join_url = None if link is None else f"{services.origin_of(request)}/join?code={link.code}"
@@ -145,7 +145,7 @@ def is_invitation(link: Credential) -> bool:
 
 def list_members(session: Session, who: Identity, members: Sequence[Member]) -> list[dict[str, Any]]:
     """Members with where they come from, and whether another has the same address."""
-    launched = platforms.courses_of(session, [member.id for member in members])
+    launched = platforms.find_courses(session, [member.id for member in members])
     twins = people.sharing_email(session, who.course, members)
     return [
         {

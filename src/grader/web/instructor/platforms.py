@@ -39,8 +39,8 @@ def render(request: Request, services: Services, who: Identity, status: int = 20
     administers = who.course == DEFAULT_COURSE
 
     def listed(session: Session) -> dict[str, Any]:
-        platforms = administration.platforms_of(session) if administers else []
-        return {"platforms": platforms, "contexts": administration.contexts_of(session, who.course)}
+        platforms = administration.list_platforms(session) if administers else []
+        return {"platforms": platforms, "contexts": administration.list_contexts(session, who.course)}
 
     lists = services.sessions.reading(listed)
     tool = list_addresses(services.origin_of(request))
@@ -55,7 +55,7 @@ def add(request: Request, services: AppServices, who: Instructor, form: Form) ->
     Forbidden."""
     rules.require_administrator(who)
     try:
-        given = administration.registration_of({**form, "origins": form.get("origins", "").split()})
+        given = administration.read_registration({**form, "origins": form.get("origins", "").split()})
         services.sessions.writing(lambda session: rules.add(session, who, given, form.get("deployment_id", "").strip()))
     except CallerError as error:
         return render(request, services, who, 422, trouble=str(error))

@@ -7,7 +7,7 @@ from fastapi import Query, Request
 from fastapi.responses import RedirectResponse, Response
 
 from grader.courses.people.identity import Identity
-from grader.courses.people.namesakes import marks_in
+from grader.courses.people.namesakes import make_marks
 from grader.courses.regrading import regrades
 from grader.courses.regrading.regrades import IDS_MAX, SCOPES, Scope, Wanted
 from grader.courses.reviewing.blinding import blinded_differences
@@ -65,7 +65,7 @@ def show(
         shown = regrades.describe_regrade(regrade, stored.count_by_outcome(session, regrade))
         page_of = regrades.read_page(session, regrade.id, after, ROWS + 1, changed=changed)
         rows = blinded_differences(services.desk_of(who.course), session, who, regrade.quiz, page_of)
-        marks = marks_in(session, who.course)
+        marks = make_marks(session, who.course)
     more: dict[str, Any] = {
         "marks": marks,
         "title": list_titles(services.library_for(who)).get((regrade.quiz, regrade.question or ""), ""),

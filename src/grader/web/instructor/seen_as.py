@@ -12,8 +12,8 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity, Role
-from grader.courses.people.namesakes import mark_name, marks_in
-from grader.courses.reviewing.blinding import hide_names, unseen_by
+from grader.courses.people.namesakes import make_marks, mark_name
+from grader.courses.reviewing.blinding import find_unseen, hide_names
 from grader.courses.reviewing.desk import Desk
 from grader.errors import NotFound
 from grader.gate.late_routes import page_router
@@ -87,7 +87,7 @@ def get_learner(session: Session, who: Identity, learner: str) -> Identity:
     member = people.get(session, learner, who.course)
     if member is None:
         raise NotFound("There is no such learner.")
-    name = mark_name(member.name, member.id, marks_in(session, member.course))
+    name = mark_name(member.name, member.id, make_marks(session, member.course))
     return Identity(member.id, name, Role.STUDENT, member.course)
 
 
@@ -105,7 +105,7 @@ def read_visible_work(session: Session, desk: Desk, who: Identity, reader: Ident
     names = hide_names(desk, session, who, rows, {}).names
     hidden = {(row.quiz, row.question) for row in newest if row.id in names}
     hidden |= {
-        (result.quiz, result.question) for result in unseen_by(session, who).results if result.learner == reader.id
+        (result.quiz, result.question) for result in find_unseen(session, who).results if result.learner == reader.id
     }
     places = {}
     for at, place in work.places.items():

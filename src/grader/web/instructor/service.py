@@ -39,7 +39,7 @@ def show(request: Request, services: AppServices, who: Visitor) -> Response:
     with services.database.read() as session:
         alive, rows = services.monitor.workers_alive(session), list_queue(session)
         dead = list_dead(session, who)
-        states = stored.counts_in(session, who.course)
+        states = stored.count_in_course(session, who.course)
     shown: dict[str, Any] = {"dead": dead[:DEAD_SHOWN], "more_dead": len(dead) > DEAD_SHOWN, "states": states}
     return page(request, "service.html", who=who, alive=alive, rows=rows, **shown)
 

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.answering.policies import read_policies
 from grader.courses.people.identity import DEFAULT_COURSE, Identity, Kind
-from grader.courses.people.namesakes import mark_name, marks_in
+from grader.courses.people.namesakes import make_marks, mark_name
 from grader.courses.reporting.stuck import SUBMISSIONS_MAX, SharedMistake, Stuck, find_shared_mistakes, find_stuck
 from grader.courses.reporting.today import COUNTED_MAX, Today, read_today
 from grader.domain.verdict import Status
@@ -73,7 +73,7 @@ def home(request: Request, services: AppServices, who: Visitor) -> Response:
     with services.database.read() as session:
         today = read_today(services.desk_of(who.course), session, who)
         asked, stuck = list_requests(session, who), find_stuck_learners(session, who)
-        marks = marks_in(session, who.course) if stuck else {}
+        marks = make_marks(session, who.course) if stuck else {}
         alive, scripts = services.monitor.workers_alive(session), jobs.read_state(session)[jobs.GRADE]
         state = describe_course(session, library, who.course)
         shared = find_shared_mistakes(session, who.course)
@@ -106,7 +106,7 @@ def describe_course(session: Session, library: Library, course: str) -> dict[str
         "quizzes": len(quizzes),
         "questions": sum(len(quiz.questions) for quiz in quizzes.values()),
         "labs": sum(len(quiz.labs) for quiz in quizzes.values()),
-        "invited": len(credentials.alive_in(session, course, Kind.SIGN_IN, clock)),
+        "invited": len(credentials.list_alive(session, course, Kind.SIGN_IN, clock)),
     }
 
 
@@ -197,7 +197,7 @@ def stuck(request: Request, services: AppServices, who: Visitor) -> Response:
         return show_sign_in(request, services, who)
     titles = list_titles(services.library_for(who))
     with services.database.read() as session:
-        learners, marks = find_stuck_learners(session, who), marks_in(session, who.course)
+        learners, marks = find_stuck_learners(session, who), make_marks(session, who.course)
     rows = [
         {
             "one": learner,
@@ -212,9 +212,9 @@ def stuck(request: Request, services: AppServices, who: Visitor) -> Response:
 
 def list_requests(session: Session, who: Identity) -> list[str]:
     """Says what learning platforms wait for: links to this course, and for administrators their approval."""
-    contexts = administration.contexts_of(session, who.course)
+    contexts = administration.list_contexts(session, who.course)
     asked = [f"{context['title']} asks for a link" for context in contexts if not context["course"]]
-    platforms = administration.platforms_of(session) if who.course == DEFAULT_COURSE else []
+    platforms = administration.list_platforms(session) if who.course == DEFAULT_COURSE else []
     pending = [
         platform for platform in platforms if not all(each["approved"] for each in (platform, *platform["deployments"]))
     ]

@@ -21,7 +21,7 @@ from grader.errors import Forbidden, NotFound, Unauthorized, Unprocessable
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.library import Library
-from grader.platforms.launching.addresses import origin_of
+from grader.platforms.launching.addresses import read_origin
 from grader.platforms.launching.arrival import Arrival
 from grader.platforms.launching.deep_linking import CHOICES_MAX, Choice, sign_response
 from grader.platforms.launching.launch import Launch, Selection
@@ -107,7 +107,7 @@ def choose(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs)
         raise Unprocessable("More was chosen than the platform takes at once.")
     url = launch_url(services.origin_of(request))
     token = sign_response(tool.keys.sign, platform, body["deployment"], selection, choices=choices, launch_url=url)
-    goes_to = (origin_of(selection.return_url), *platform.origins)
+    goes_to = (read_origin(selection.return_url), *platform.origins)
     return show_framed(
         request, "lti_return.html", platform, goes_to, address=selection.return_url, token=token, count=len(choices)
     )
@@ -155,7 +155,7 @@ def show_registration(
 ) -> Response:  # fmt: skip
     """Asks a platform's administrator, who came with a registration link, before anything is registered."""
     known = services.sessions.reading(lambda session: tickets.peek(session, REGISTRATION, token) is not None)
-    origin = origin_of(openid_configuration)
+    origin = read_origin(openid_configuration)
     if not known or not origin:
         raise Unauthorized("This registration link is unknown, used or too old. `grader lti register-link` makes one.")
     headers = PRIVATE | {POLICY: security_policy([origin])}
@@ -177,7 +177,7 @@ async def do_register(request: Request, tool: LtiTool, services: AppServices, pa
     row = await run_in_threadpool(
         services.sessions.writing, lambda session: rules.add(session, None, made.registration, made.deployment_id)
     )
-    headers = PRIVATE | {POLICY: security_policy([origin_of(url)])}
+    headers = PRIVATE | {POLICY: security_policy([read_origin(url)])}
     return page(request, "lti_registered.html", 200, headers, platform=row)
 
 

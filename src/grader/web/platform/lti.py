@@ -13,7 +13,7 @@ from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.library import Library
 from grader.platforms.launching import login as logins
-from grader.platforms.launching.addresses import origin_of
+from grader.platforms.launching.addresses import read_origin
 from grader.platforms.launching.arrival import NOT_APPROVED, Arrival, arrive, find_reviewed
 from grader.platforms.launching.id_token import verify
 from grader.platforms.launching.launch import Launch, read_launch
@@ -53,12 +53,12 @@ def for_canvas(request: Request, tool: LtiTool, services: AppServices) -> Respon
 @launches.post("/login")
 def begin(request: Request, _tool: LtiTool, services: AppServices, pairs: Pairs) -> Response:
     """Begins a login, and sends the browser to the platform, which knows who its user is."""
-    fields, origin = logins.fields_in(pairs), services.origin_of(request)
+    fields, origin = logins.read_fields(pairs), services.origin_of(request)
     begun = services.sessions.writing(lambda session: logins.begin(session, fields, origin))
     if begun.storage:
         response: Response = show_framed(
-            request, "lti_storage.html", begun.platform, origin=origin_of(begun.platform.login_url),
-            storage=begun.storage, name=logins.name_of(begun.state), key=begun.key, address=begun.address, form=None,
+            request, "lti_storage.html", begun.platform, origin=read_origin(begun.platform.login_url),
+            storage=begun.storage, name=logins.make_name(begun.state), key=begun.key, address=begun.address, form=None,
         )  # fmt: skip
     else:
         response = RedirectResponse(begun.address, 303, {"Cache-Control": "no-store"})
@@ -105,9 +105,9 @@ def bind_otherwise(request: Request, services: Services, login: Unbound, form: d
     """For a browser that kept no cookie in the frame: by the platform's storage, else in a new tab."""
     if login.storage and "key" not in form:
         return show_framed(
-            request, "lti_storage.html", login.platform, origin=origin_of(login.platform.login_url),
-            storage=login.storage, name=logins.name_of(form["state"]), address=make_login_url(services, request, login),
-            form=form,
+            request, "lti_storage.html", login.platform, origin=read_origin(login.platform.login_url),
+            storage=login.storage, name=logins.make_name(form["state"]), form=form,
+            address=make_login_url(services, request, login),
         )  # fmt: skip
     response = show_framed(request, "lti_tab.html", login.platform, address=make_login_url(services, request, login))
     response.status_code = 401
@@ -166,7 +166,7 @@ def make_review_address(member: str, arrival: Arrival) -> str:
 
 def name_cookie(services: Services, state: str) -> str:
     """The name of the cookie that binds a login to its browser: one for each, as a page may have several frames."""
-    return f"{'__Host-' if services.sessions.secure else ''}{logins.name_of(state)}"
+    return f"{'__Host-' if services.sessions.secure else ''}{logins.make_name(state)}"
 
 
 def make_key_cookie(services: Services, login: Login) -> str:

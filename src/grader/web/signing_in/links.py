@@ -14,7 +14,7 @@ from grader.courses.people.sign_in import (
     SPENT,
     BrowserSession,
     create_return_code,
-    identity_behind,
+    find_identity,
     is_only_in_browser,
     redeem_sign_in_code,
     start_anonymous_session,
@@ -50,7 +50,7 @@ def begin(request: Request, services: AppServices, who: Visitor, form: Form) -> 
 @router.get("/signin")
 def show_sign_in(request: Request, services: AppServices, who: Visitor, code: str = "") -> Response:
     """Shows who the code signs in, and a button. The code is used by POST alone."""
-    invited = services.sessions.reading(lambda session: identity_behind(session, code))
+    invited = services.sessions.reading(lambda session: find_identity(session, code))
     if invited is None:
         return show_spent(request, services, who)
     adds = who is not None and who.is_instructor and invited.is_instructor and who.course != invited.course

@@ -176,7 +176,7 @@ def read_work(session: Session, library: Library, who: Identity, quizzes: Sequen
         for question in quiz.questions:
             at = (quiz.id, question.id)
             places[at] = describe_place(access, quiz, question, newest.get(at), found.get(at))
-    for comment in line_comments.of_learner(session, who.course, who.id):
+    for comment in line_comments.list_of_learner(session, who.course, who.id):
         at = (comment.quiz, comment.question)
         given = newest.get(at)
         if at in places and given is not None and given.withheld is None and given.id != comment.submission:

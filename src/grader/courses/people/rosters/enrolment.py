@@ -15,7 +15,7 @@ from grader.courses.people.rosters.roster import FAULTS_MAX, Entry
 from grader.errors import Conflict, Fault, FaultyRows
 from grader.store import people, results
 from grader.store.engine.database import Database
-from grader.store.engine.ids import new_member_id
+from grader.store.engine.ids import make_member_id
 from grader.store.tables import Member
 
 NAMED = "name:"
@@ -117,7 +117,7 @@ def compare_member(member: Member, entry: Entry) -> dict[str, Any]:
 def create_members(session: Session, course: str, entries: Sequence[Entry]) -> None:
     """Makes members. Raises Conflict if another request has just made one of them."""
     for entry in entries:
-        member = Member(id=new_member_id(), course=course, name=entry.name, account=entry.key, role=entry.role.value)
+        member = Member(id=make_member_id(), course=course, name=entry.name, account=entry.key, role=entry.role.value)
         member.email = entry.email or None
         if entry.external is not None:
             member.namespace, member.external_id = entry.external.namespace, entry.external.id

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import chain
 
 from grader.courses.people.external import OWN, External, check_external
-from grader.courses.people.identity import Role, checked_name
+from grader.courses.people.identity import Role, check_name
 from grader.courses.rules.csv_cells import guard, unguard, write_lines
 from grader.errors import Fault, FaultyRows, Unprocessable
 from grader.store.tables import EMAIL
@@ -157,7 +157,7 @@ def read_entry(row: Line, namespace: str, note: Note, *, has_email: bool) -> Ent
 def read_name(name: str, note: Note) -> str:
     """Returns the name, if it can be one."""
     try:
-        return checked_name("person", name)
+        return check_name("person", name)
     except Unprocessable as error:
         note("name", str(error))
         return name

@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.answering.access import read_access
 from grader.courses.people.identity import Identity, Role
-from grader.courses.people.namesakes import marks_in
+from grader.courses.people.namesakes import make_marks
 from grader.courses.reviewing import comments, reviews
 from grader.courses.reviewing.blinding import hide_names
 from grader.courses.reviewing.desk import Desk
@@ -27,7 +27,7 @@ from grader.library import Library
 from grader.questions import Question, kind_of
 from grader.store import submissions
 from grader.store.reviewing import reviews as stored
-from grader.store.reviewing.reviews import AGREED, DIFFERS, WaitingQuestion, comments_on
+from grader.store.reviewing.reviews import AGREED, DIFFERS, WaitingQuestion, find_comments
 from grader.store.tables import Submission, now
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
@@ -213,7 +213,7 @@ def change_comments(at: Sitting, submission_id: str, typed: Typed, do: str) -> T
     with at.services.database.write() as session:
         row, text = get_submission(session, at.who, submission_id), typed.comment.strip()
         here = (row.quiz, row.question)
-        kept = {comment.id: comment.text for comment in comments_on(session, row.course, *here)}
+        kept = {comment.id: comment.text for comment in find_comments(session, row.course, *here)}
         if do == "insert" and typed.saved in kept:
             return replace(typed, comment="\n".join(filter(None, (text, kept[typed.saved]))))
         if do == "delete" and typed.saved in kept:
@@ -261,9 +261,9 @@ def render(
         seen = hide_names(desk, session, who, [row], submissions.read_verdicts(session, [row]))
         given = read_in_full(row, seen.verdicts.get(row.id))
         written = read_comments(session, [row.id]).get(row.id, [])
-        claim, review = stored.claim_on(session, row.id, now()), stored.review_of(session, row.id)
-        kept = comments_on(session, who.course, row.quiz, row.question)
-        learner = name_learner(row, seen.names, marks_in(session, who.course))
+        claim, review = stored.find_claim(session, row.id, now()), stored.find_review(session, row.id)
+        kept = find_comments(session, who.course, row.quiz, row.question)
+        learner = name_learner(row, seen.names, make_marks(session, who.course))
         waiting = sum(queue.answers for queue in list_waiting(at, session))
     card = build_card(given)
     if card is None or given.verdict is None:

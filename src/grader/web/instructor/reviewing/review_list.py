@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
-from grader.courses.people.namesakes import mark_name, marks_in
+from grader.courses.people.namesakes import make_marks, mark_name
 from grader.courses.reviewing import reviews
 from grader.courses.reviewing.blinding import hide_names
 from grader.courses.reviewing.desk import Desk
@@ -73,7 +73,7 @@ class Chosen:
 
     def queue(self, desk: Desk, session: Session, who: Identity) -> Queue:
         """Returns the answers that wait for a mark: for the second in that list, in the others for the first."""
-        return reviews.queue_of(desk, session, self.wanted(who), who.id if self.which == SECOND else None)
+        return reviews.list_queue(desk, session, self.wanted(who), who.id if self.which == SECOND else None)
 
 
 async def parse_choice(
@@ -134,7 +134,7 @@ def list_rows(desk: Desk, session: Session, who: Identity, chosen: Chosen, after
     seen = hide_names(desk, session, who, found, submissions.read_verdicts(session, found), always=chosen.which != ALL)
     looked_up = chosen.which == ALL and bool(chosen.user and seen.names)  # who asks by name knows whose it is
     names, titles = {} if looked_up else seen.names, list_titles(desk.library)
-    marks = marks_in(session, who.course)
+    marks = make_marks(session, who.course)
     rows = [
         make_row(
             submission,

@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.answering.intake import NewAnswer
 from grader.courses.people.identity import Identity
-from grader.courses.people.namesakes import marks_in
+from grader.courses.people.namesakes import make_marks
 from grader.courses.reviewing.blinding import hide_names
 from grader.courses.reviewing.line_comments import delete_comment, read_source, write_comment
 from grader.errors import CallerError, NotFound, Unprocessable
@@ -141,9 +141,9 @@ def render_try(
         row = get_submission(session, who, submission_id)
         source = read_source(row)
         seen = hide_names(desk, session, who, [row], submissions.read_verdicts(session, [row]))
-        learner = name_learner(row, seen.names, marks_in(session, who.course))
+        learner = name_learner(row, seen.names, make_marks(session, who.course))
         original = build_card(read_in_full(row, seen.verdicts.get(row.id)))
-        copies = line_comments.copies_of(session, row.id, who.id)[:COPIES]
+        copies = line_comments.list_copies(session, row.id, who.id)[:COPIES]
         chosen = find_copy(session, copies, copy)
         verdicts = {} if chosen is None else submissions.read_verdicts(session, [chosen])
     if chosen is not None and typed is None:
