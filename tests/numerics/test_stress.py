@@ -5,7 +5,7 @@ from math import inf, isfinite, nan, sqrt
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from grader.numerics.rollout import simulate
@@ -48,6 +48,7 @@ thorough = settings(max_examples=60)
 
 
 @thorough
+@example(log_kp=4.375, log_mass=1.96875, damping=2.0, integrator=IMPLICIT)  # gravity has a share of 1 / 53
 @given(
     log_kp=st.floats(-2, 8),
     log_mass=st.floats(-6, 6),
@@ -59,8 +60,10 @@ def test_closed_form_spectral_radius_and_simulation_agree(
 ) -> None:
     """Random (I, kp, kv): the spectral limit is the closed form to 1e-4; stable 2 % below it, and not 2 % above.
 
-    The start is small, so that gravity is linear; the horizon is 4,000 steps. Where gravity holds the joint by 2 %
-    or more, motions beyond the limit may grow only until sin q bounds them; MuJoCo never warns, and the trial says so.
+    The start is small, so that gravity is linear; the horizon is 4,000 steps. Where gravity holds the joint by a share
+    of its stiffness, motions beyond the limit may grow only until sin q bounds them; MuJoCo never warns, and the trial
+    says so. As sin q / q lies between -0.22 and 1, a large motion loses at most 1.22 of that share, and where the limit
+    goes with the inverse of the stiffness a loss of 1 - 1 / 1.02 suffices: a share of 1 / 62.
     """
     kp, mass = 10**log_kp, 10**log_mass
     inertia = 0.2501 * mass
@@ -74,7 +77,7 @@ def test_closed_form_spectral_radius_and_simulation_agree(
     above = try_timestep(scene, 1.02 * limit, 1.02 * limit * 4000, integrator=integrator)
     assert below.stability is Stability.STABLE
     assert above.stability is Stability.UNSTABLE or (
-        kp < 50 * GRAVITY_ARM * mass and "small motions grow" in above.reason
+        kp < 62 * GRAVITY_ARM * mass and "small motions grow" in above.reason
     )
 
 
