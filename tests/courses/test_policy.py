@@ -14,9 +14,9 @@ from grader.courses.answering.intake import add_attempt
 from grader.courses.rules.policy import (
     NO_EXTENSION,
     Attempt,
-    Counted,
+    CountedPoints,
     Decision,
-    Shown,
+    Visibility,
     count_points,
     decide,
     has_opened,
@@ -97,7 +97,7 @@ def test_without_a_policy_one_may_answer_as_often_as_one_likes() -> None:
     assert decision.attempts_left is None
     assert decision.multiplier == 1
     assert decision.withheld is None
-    assert decision.shown is Shown.FEEDBACK
+    assert decision.shown is Visibility.FEEDBACK
 
 
 def test_answers_are_taken_from_opens_to_due_both_included() -> None:
@@ -155,7 +155,7 @@ def test_instructors_and_services_see_all_and_may_try_at_any_time(role: str) -> 
     for now in (DUE - DAY, DUE + 9 * DAY):
         decision = ask(policy, [attempt(1)], now, role=role)
         assert decision.may_answer
-        assert decision.shown is Shown.SOLUTION
+        assert decision.shown is Visibility.SOLUTION
 
 
 def test_an_unknown_role_is_a_learner() -> None:
@@ -165,17 +165,17 @@ def test_an_unknown_role_is_a_learner() -> None:
 def test_feedback_after_due_waits_for_the_last_moment_of_late_answers() -> None:
     policy = Policy(due=DUE, late=LATE, feedback="after_due")
     waiting = ask(policy, [attempt(1, 10, Status.CORRECT)], DUE + 5 * DAY)
-    assert waiting.shown is Shown.RECEIPT
+    assert waiting.shown is Visibility.RECEIPT
     assert waiting.withheld == "Your answer is recorded; you see how it was graded after 15 Mar 2026, 18:00 UTC."
-    assert ask(policy, [attempt(1)], DUE + 6 * DAY).shown is Shown.SOLUTION
-    assert ask(policy, [attempt(1)], DUE + 6 * DAY, extension=Extension(due=DUE + 7 * DAY)).shown is Shown.RECEIPT
+    assert ask(policy, [attempt(1)], DUE + 6 * DAY).shown is Visibility.SOLUTION
+    assert ask(policy, [attempt(1)], DUE + 6 * DAY, extension=Extension(due=DUE + 7 * DAY)).shown is Visibility.RECEIPT
 
 
 def test_feedback_after_publish() -> None:
     policy = Policy(feedback="after_publish", solutions="with_feedback")
     assert ask(policy).withheld == "Your answer is recorded; you see how it was graded once the results are published."
-    assert ask(policy, published_at=DUE + DAY).shown is Shown.RECEIPT
-    assert ask(policy, published_at=DUE).shown is Shown.SOLUTION
+    assert ask(policy, published_at=DUE + DAY).shown is Visibility.RECEIPT
+    assert ask(policy, published_at=DUE).shown is Visibility.SOLUTION
 
 
 @pytest.mark.parametrize(
@@ -191,15 +191,15 @@ def test_when_the_solution_is_shown(solutions: str, wrong: bool, right: bool, sp
     policy = Policy.model_validate({"due": DUE, "attempts": 2, "solutions": solutions})
     one, best, both = [attempt(1)], [attempt(1, 10, Status.CORRECT)], [attempt(1), attempt(2)]
     asked = [ask(policy, one), ask(policy, best), ask(policy, both), ask(policy, one, DUE + DAY)]
-    assert [decision.shown is Shown.SOLUTION for decision in asked] == [wrong, right, spent, closed]
+    assert [decision.shown is Visibility.SOLUTION for decision in asked] == [wrong, right, spent, closed]
 
 
 def test_the_last_attempt_is_spent_only_once_it_has_a_verdict() -> None:
     policy = Policy(attempts=1)
     waiting = ask(policy, [attempt(1, status=None)])
     assert not waiting.may_answer
-    assert waiting.shown is Shown.FEEDBACK  # a fault of the grader would give the attempt back
-    assert ask(policy, [attempt(1)]).shown is Shown.SOLUTION
+    assert waiting.shown is Visibility.FEEDBACK  # a fault of the grader would give the attempt back
+    assert ask(policy, [attempt(1)]).shown is Visibility.SOLUTION
     assert ask(policy, [attempt(1, status=Status.GRADER_FAULT)]).attempts_left == 1
 
 
@@ -209,10 +209,10 @@ def test_whether_and_why_agree_and_no_solution_is_shown_to_one_without_feedback(
 ) -> None:
     decision = ask(policy, attempts, now, extension=extension, published_at=published_at)
     assert decision.may_answer == (decision.multiplier is not None)
-    assert (decision.withheld is None) == (decision.shown >= Shown.FEEDBACK)
-    if policy.feedback == "after_due" and decision.shown > Shown.RECEIPT:
+    assert (decision.withheld is None) == (decision.shown >= Visibility.FEEDBACK)
+    if policy.feedback == "after_due" and decision.shown > Visibility.RECEIPT:
         assert not decision.may_answer
-    if policy.solutions == "after_due" and decision.shown is Shown.SOLUTION:
+    if policy.solutions == "after_due" and decision.shown is Visibility.SOLUTION:
         assert not decision.may_answer
 
 
@@ -222,7 +222,7 @@ def test_before_the_feedback_a_decision_depends_on_no_verdict(
 ) -> None:
     assume(policy.feedback != "immediate")
     decision = ask(policy, attempts, now, extension=extension)
-    assume(decision.shown is Shown.RECEIPT)
+    assume(decision.shown is Visibility.RECEIPT)
     others = [
         replace(one, points=10 - one.points, status=Status.CORRECT) if one.status in PAID else one for one in attempts
     ]
@@ -310,7 +310,7 @@ def test_best_latest_and_average() -> None:
 
 def test_points_are_final_once_nothing_waits() -> None:
     review = attempt(1, status=Status.NEEDS_REVIEW)
-    assert count_points([], Policy(), None) == Counted(0.0, (), True)
+    assert count_points([], Policy(), None) == CountedPoints(0.0, (), True)
     assert not count_points([review], Policy(), None).is_final
     assert not count_points([attempt(1, 3), attempt(2, status=None)], Policy(), None).is_final
     assert count_points(

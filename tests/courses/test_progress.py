@@ -6,15 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.courses.rules.progress import Compared, describe_progress
+from grader.courses.rules.progress import ComparedAttempt, describe_progress
 from grader.domain.verdict import Status
 
 WEIGHTS = "Your weights are 1, 2, 2, 1 over 4: use 6."
 
 
-def attempt(number: int, points: float, said: str | None = None, held: str = "", status: str = "incorrect") -> Compared:
+def attempt(
+    number: int, points: float, said: str | None = None, held: str = "", status: str = "incorrect"
+) -> ComparedAttempt:
     findings = [{"id": one, "passed": one in held} for one in "abc"]
-    return Compared(number, {"status": status, "points": points, "diagnosis": said, "findings": findings})
+    return ComparedAttempt(number, {"status": status, "points": points, "diagnosis": said, "findings": findings})
 
 
 def test_the_same_mistake_is_told_whatever_its_numbers_are() -> None:
@@ -53,8 +55,8 @@ VERDICTS: st.SearchStrategy[dict[str, Any]] = st.fixed_dictionaries(
 
 @given(st.lists(VERDICTS, max_size=5), VERDICTS)
 def test_each_sentence_is_true(verdicts: list[dict[str, Any]], last: dict[str, Any]) -> None:
-    earlier = [Compared(index, verdict) for index, verdict in enumerate(verdicts, 1)]
-    now = Compared(len(earlier) + 1, last)
+    earlier = [ComparedAttempt(index, verdict) for index, verdict in enumerate(verdicts, 1)]
+    now = ComparedAttempt(len(earlier) + 1, last)
     said = describe_progress(earlier, now)
     if said.startswith("The same mistake"):
         assert earlier[int(said.rstrip(".").split()[-1]) - 1].verdict["diagnosis"] == last["diagnosis"]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.courses.rules.policy import NOT_ABOUT_CORRECTNESS, Decision, Shown, decide, redact_json, report_verdict
+from grader.courses.rules.policy import NOT_ABOUT_CORRECTNESS, Decision, Visibility, decide, redact_json, report_verdict
 from grader.domain.policy import Policy, Progress
 from grader.domain.verdict import Finding, Status, Verdict, apply_review
 from grader.grading.pipeline import Pipeline
@@ -224,9 +224,9 @@ def test_with_the_solution_everything_is_shown(answer: dict[str, Any], outcome: 
     assert redact(verdict, SOLUTION) == verdict
 
 
-@given(answers(), outcomes(), st.sampled_from(list(Shown)), st.sampled_from(["direction", "size", "value"]))
+@given(answers(), outcomes(), st.sampled_from(list(Visibility)), st.sampled_from(["direction", "size", "value"]))
 def test_redacting_twice_changes_nothing(
-    answer: dict[str, Any], outcome: dict[str, Any], shown: Shown, reveal: Reveal
+    answer: dict[str, Any], outcome: dict[str, Any], shown: Visibility, reveal: Reveal
 ) -> None:
     decision = replace(RECEIPT, shown=shown, question=revealing(reveal))
     once = redact(Verdict(**answer, **outcome), decision)

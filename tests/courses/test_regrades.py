@@ -27,7 +27,7 @@ from grader.courses.answering import results as counting
 from grader.courses.people.identity import Identity, Role
 from grader.courses.regrading import background, regrades
 from grader.courses.regrading.background import Regrading
-from grader.courses.regrading.regrades import Scope, Wanted
+from grader.courses.regrading.regrades import RegradeRequest, Scope
 from grader.courses.rules.policy import count_points
 from grader.domain.policy import Extension
 from grader.domain.verdict import Status, Verdict, apply_review
@@ -135,7 +135,7 @@ class Course:
 
     def start(self, scope: Scope | tuple[str, ...] = "all", dry_run: bool = False, question: str | None = None) -> str:
         return regrades.create(
-            self.database, self.content.library, self.tina, Wanted("quiz", question, scope, dry_run)
+            self.database, self.content.library, self.tina, RegradeRequest("quiz", question, scope, dry_run)
         ).id
 
     def regrade(self, scope: Scope | tuple[str, ...] = "all", dry_run: bool = False) -> dict[str, Any]:
@@ -354,7 +354,9 @@ def test_submissions_may_be_named_and_must_be_of_the_course(course: Course) -> N
         course.start(("f" * 32, ann))
     other = Identity("x", "X", Role.INSTRUCTOR, "elsewhere")
     with pytest.raises(NotFound):
-        regrades.create(course.database, course.content.library, other, Wanted("quiz", None, (ann,), dry_run=True))
+        regrades.create(
+            course.database, course.content.library, other, RegradeRequest("quiz", None, (ann,), dry_run=True)
+        )
     with pytest.raises(NotFound):
         course.start(question="gone")
 

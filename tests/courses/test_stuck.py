@@ -7,7 +7,7 @@ from itertools import count
 import pytest
 from sqlalchemy.orm import Session
 
-from grader.courses.reporting.stuck import RECENT, SharedMistake, Stuck, find_shared_mistakes, find_stuck
+from grader.courses.reporting.stuck import RECENT, SharedMistake, StuckLearner, find_shared_mistakes, find_stuck
 from grader.domain.verdict import Status, Verdict
 from grader.store import submissions
 from grader.store.engine.database import Database
@@ -60,7 +60,7 @@ def tries(session: Session, name: str, *attempts: Attempt, days: float = 0, ques
     return made
 
 
-def stuck(session: Session, *without: str) -> list[Stuck]:
+def stuck(session: Session, *without: str) -> list[StuckLearner]:
     session.flush()
     return find_stuck(session, COURSE, without)
 

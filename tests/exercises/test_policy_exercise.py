@@ -25,7 +25,7 @@ from grader.exercises import plan_exercise
 from grader.exercises.episodes.simulating import EpisodeRun
 from grader.exercises.film import FRAMES_MAX
 from grader.exercises.kinds.policy import variants
-from grader.exercises.kinds.policy.judge import Ran, Refused, judge_policy
+from grader.exercises.kinds.policy.judge import RefusedFile, SimulatedPolicy, judge_policy
 from grader.exercises.kinds.policy.network import ACTIVATIONS, Network
 from grader.exercises.kinds.policy.parameters import PolicyParameters
 from grader.exercises.rehearsing import check_exercise
@@ -195,7 +195,7 @@ def test_a_forged_result_is_no_policy(pipeline: Pipeline) -> None:
     ):  # fmt: skip
         judged = judge_policy(parameters, trial, forged)
         assert (judged.passed, type(judged.outcome), judged.message) == (
-            False, Refused, "Nothing could be read from the file.",
+            False, RefusedFile, "Nothing could be read from the file.",
         )  # fmt: skip
 
 
@@ -302,7 +302,7 @@ def test_an_environment_of_the_author_earns_what_gymnasium_says(pipeline: Pipeli
     assert len({record.observed[0][0] for record in judged.outcome.records}) == 8
 
     away = judge_policy(parameters, trial, {"weights": -gains})
-    assert isinstance(away.outcome, Ran)
+    assert isinstance(away.outcome, SimulatedPolicy)
     assert all(record.is_over and len(record.time_s) < trial.problem.periods for record in away.outcome.records)
     assert "ended before its time" in away.message
 

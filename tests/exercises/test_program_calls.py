@@ -19,7 +19,7 @@ from grader.errors import ContentError, JailFault, JailRefused
 from grader.exercises import plan_exercise
 from grader.exercises.driving import calling
 from grader.exercises.running import program_calls
-from grader.exercises.running.program_calls import Kept, ProgramCall, ProgramCalls, call_program
+from grader.exercises.running.program_calls import AnswerCache, ProgramCall, ProgramCalls, call_program
 from grader.grading.films import record_films
 from grader.grading.pipeline import Pipeline
 from grader.grading.processes import GradingProcess, Script
@@ -154,7 +154,7 @@ def test_no_call_is_made_twice_and_what_loading_needs_outlives_the_process(
     assert count_calls(lambda: list_arguments(library, 7)) == 4
     assert count_calls(lambda: list_arguments(library, 7)) == 0
     before = list_arguments(library, 0)
-    monkeypatch.setattr(calls, "_kept", Kept())  # as after a restart
+    monkeypatch.setattr(calls, "_kept", AnswerCache())  # as after a restart
     assert count_calls(lambda: list_arguments(load(root, passed=passed), 0)) == 0
     assert list_arguments(library, 0) == before
     assert count_calls(lambda: list_arguments(library, 7)) == 4, "of a submission nothing is written"
@@ -254,7 +254,7 @@ def test_few_programs_have_a_process_at_a_time(jobs: list[Job]) -> None:
 
 def test_the_memory_of_what_is_kept_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(program_calls, "KEPT_BYTES_MAX", 100)
-    kept = Kept()
+    kept = AnswerCache()
     for index in range(50):
         kept.keep(f"call {index}", {"made": [index]})
         kept.recall("call 0")

@@ -8,7 +8,7 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
-from grader.courses.people.identity import Identity, Kind, Recalled, Role, issue
+from grader.courses.people.identity import CredentialCache, Identity, Kind, Role, issue
 from grader.courses.people.members import get_named
 from grader.errors import (
     CallerError,
@@ -451,7 +451,7 @@ def test_another_address_needs_an_https_origin(origin: str | None) -> None:
 
 def test_a_learner_who_answers_every_few_minutes_is_recalled() -> None:
     ann, now_s = Identity("1", "ann", Role.STUDENT, "default"), 0.0
-    recalled = Recalled(clock=lambda: now_s)
+    recalled = CredentialCache(clock=lambda: now_s)
     recalled.put("Bearer token", {}, ann)
     now_s = 240.0
     assert recalled.get("Bearer token", {}) == ann

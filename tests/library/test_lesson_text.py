@@ -7,7 +7,7 @@ import pytest
 
 from grader.errors import ContentError
 from grader.library import Library, load
-from grader.library.lesson_text import Heading, Placed, Prose
+from grader.library.lesson_text import Heading, Placement, Prose
 
 XML = '<mujoco><worldbody><body name="ball"><freejoint/><geom name="ball" size="1"/></body></worldbody></mujoco>'
 MCQ = {"kind": "mcq", "q": "Which?", "options": ["a", "b"], "answer": 1, "whys": ["a is not.", "b is."]}
@@ -47,8 +47,8 @@ def test_the_parts_of_a_lesson_stand_in_the_order_of_its_text(root: Path) -> Non
         "<ul>\n<li>one</li>\n</ul>",
     ]
     assert rest == [
-        Heading(2, "try-it", "Try <code>it</code>"), Placed("2-check", "fall"), Heading(2, "try-it-2", "Try it"),
-        Placed("2-check"),
+        Heading(2, "try-it", "Try <code>it</code>"), Placement("2-check", "fall"), Heading(2, "try-it-2", "Try it"),
+        Placement("2-check"),
     ]  # fmt: skip
     assert isinstance(code, Prose)
     assert "x = '$y$'" in code.blocks[0]

@@ -26,7 +26,7 @@ from grader.platforms.sending.access_tokens import AccessTokens
 from grader.platforms.sending.delivering import Delivering
 from grader.platforms.sending.line_items import LINE_ITEM, READ_LINE_ITEM, READ_RESULT, SCORE, add_path
 from grader.platforms.sending.outgoing import Outgoing, Response
-from grader.platforms.sending.replies import RETRY_MAX_S, Again, Dead, retry_after_s
+from grader.platforms.sending.replies import RETRY_MAX_S, Again, DeadLetter, retry_after_s
 from grader.platforms.sending.score import PlatformResult, Score, compute_score
 from grader.platforms.sending.scores import TRIED_MAX, is_contested
 from grader.queue import jobs
@@ -543,7 +543,7 @@ def test_which_answers_are_worth_another_try(make: MakeCourse, status: int, body
     course = make()
     sender = sender_of(course.database, course.target)
     reply = sender.reply_to(Response(status, {"retry-after": "7"}, body))
-    assert isinstance(reply, Again if is_retried else Dead)
+    assert isinstance(reply, Again if is_retried else DeadLetter)
     assert not isinstance(reply, Again) or reply.after_s == 7.0
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from grader.errors import InvalidAnswer
 from grader.questions.kinds.number import Number, NumberQuestion
-from grader.questions.kinds.number.phrases import Asks, find_asked_bound
+from grader.questions.kinds.number.phrases import AskedBound, find_asked_bound
 from grader.questions.kinds.number.quantities import read_quantity
 
 QUESTION = NumberQuestion.model_validate(
@@ -82,11 +82,11 @@ def test_a_lower_bound_is_one_where_the_smallest_is_asked_for() -> None:
 @pytest.mark.parametrize(
     ("question", "asks"),
     [
-        ("What is the largest timestep?", Asks.LARGEST), ("Give the minimum damping.", Asks.SMALLEST),
+        ("What is the largest timestep?", AskedBound.LARGEST), ("Give the minimum damping.", AskedBound.SMALLEST),
         ("How long is the period?", None), ("From the smallest to the largest: how many?", None),
     ],
 )  # fmt: skip
-def test_the_words_of_a_question_say_which_bound_it_asks_for(question: str, asks: Asks | None) -> None:
+def test_the_words_of_a_question_say_which_bound_it_asks_for(question: str, asks: AskedBound | None) -> None:
     assert find_asked_bound(question) is asks
 
 

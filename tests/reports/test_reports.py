@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from grader.domain.policy import Policy
 from grader.domain.verdict import Finding, Status, Verdict
 from grader.errors import JailFault
-from grader.reports import Graded, junit_xml, results_json
+from grader.reports import GradedAnswer, junit_xml, results_json
 from support.content import load_content
 
 ROOT = Path(__file__).parents[2]
@@ -35,9 +35,9 @@ verdicts = st.builds(
 )  # fmt: skip
 
 
-def graded(verdict: Verdict, seed: int | None = 7, **policy: Any) -> Graded:
+def graded(verdict: Verdict, seed: int | None = 7, **policy: Any) -> GradedAnswer:
     quiz = load_content().quiz("1.3-exercises").model_copy(update={"default_policy": Policy(**policy)})
-    return Graded(quiz, quiz.questions[0], verdict, seed)
+    return GradedAnswer(quiz, quiz.questions[0], verdict, seed)
 
 
 def results(verdict: Verdict, **policy: Any) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from grader.domain.verdict import Status
 from grader.web.frame.rendering import templates
 from grader.web.text.statuses import STATUSES, describe_status
 from grader.web.verdict.card import Card, build_card, build_matrix, describe_value, link_lines
-from grader.web.verdict.work import Given
+from grader.web.verdict.work import GivenAnswer
 from web.evidence import threshold_verdict
 
 AT = datetime(2026, 11, 21, tzinfo=UTC)
@@ -22,7 +22,7 @@ def finding(title: str, passed: bool | None, message: str = "", **rest: Any) -> 
 
 def card(verdict: dict[str, Any], source: str = "") -> Card:
     found = build_card(
-        Given("id", 2, AT, {"source": source}, "graded", {"points": 0.0, "max_points": 3.0} | verdict, None)
+        GivenAnswer("id", 2, AT, {"source": source}, "graded", {"points": 0.0, "max_points": 3.0} | verdict, None)
     )
     assert found is not None
     return found

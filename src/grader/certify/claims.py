@@ -7,7 +7,7 @@ from math import inf, isfinite
 from typing import Any
 
 from grader.domain.verify import Claim, When
-from grader.experiments.regime import Unresolved, describe_reset
+from grader.experiments.regime import RegimeFailure, describe_reset
 from grader.experiments.runs import LabRun, to_boolean, to_number
 from grader.expressions import syntax
 
@@ -28,8 +28,8 @@ def check_claim(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool,
     """Whether the claim holds in a run in which its expression had these values, a value a frame.
 
     Also returns the number that was counted or measured: None where there is none, as for the first time of what never
-    happened. Such a claim is false. Raises Unresolved where MuJoCo reset the state before the claim was decided, where
-    the run ends before its window does, and where the expression is neither true nor false.
+    happened. Such a claim is false. Raises RegimeFailure where MuJoCo reset the state before the claim was decided,
+    where the run ends before its window does, and where the expression is neither true nor false.
     """
     _check_window(claim, run)
     until = inf if claim.until is None else claim.until + TIME_SLACK_S
@@ -40,7 +40,7 @@ def check_claim(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool,
         if claim.since - TIME_SLACK_S <= time <= until and time < reset
     ]
     if run.warnings and until >= reset and not _is_decided(claim, inside):
-        raise Unresolved("no reset", describe_reset(run))
+        raise RegimeFailure("no reset", describe_reset(run))
     if claim.when in TRUTHS:
         _check_truths(claim, inside)
     if not inside:
@@ -57,24 +57,24 @@ def check_claim(claim: Claim, run: LabRun, values: Sequence[Any]) -> tuple[bool,
 
 
 def _check_window(claim: Claim, run: LabRun) -> None:
-    """Raises Unresolved where the run was asked to end before the window of the claim does."""
+    """Raises RegimeFailure where the run was asked to end before the window of the claim does."""
     last = max(claim.since, claim.until or 0.0)
     if last > run.seconds + TIME_SLACK_S:
         why = f"a claim is about the run up to {last:g} s, and it lasts {run.seconds:g} s: write more `seconds`"
-        raise Unresolved("window", why)
+        raise RegimeFailure("window", why)
 
 
 def _check_truths(claim: Claim, inside: Sequence[Any]) -> None:
-    """Raises Unresolved where the expression assigns, or gives a text or a number other than a count: nearly all of
+    """Raises RegimeFailure where the expression assigns, or gives a text or a number other than a count: nearly all of
     these would be true."""
     with suppress(syntax.SyntaxRefused):
         if syntax.Source(claim.expr, "expression").tree().type in syntax.ASSIGNMENTS:
-            raise Unresolved("truth value", f"{claim.expr!r} assigns: compare with == in its place")
+            raise RegimeFailure("truth value", f"{claim.expr!r} assigns: compare with == in its place")
     for value in inside:
         if isinstance(value, str) or (isinstance(value, float) and not value.is_integer()):
             shown = repr(value) if isinstance(value, str) else f"{value:.6g}"
             why = f"{claim.expr!r} gives {shown}, which is neither true nor false: compare it, as in `x > 0`"
-            raise Unresolved("truth value", why)
+            raise RegimeFailure("truth value", why)
 
 
 def _is_decided(claim: Claim, inside: Sequence[Any]) -> bool:

@@ -21,7 +21,7 @@ ACCEPT = "or write why the key holds as verify.accept"
 
 
 @dataclass(frozen=True)
-class Certified:
+class CertifiedKey:
     """A key of a question of a quiz, and its certificate; None if physics cannot decide it."""
 
     quiz: str
@@ -33,7 +33,7 @@ class Certified:
 def certify_quizzes(
     library: Library, quizzes: Iterable[str], passed: PassedChecks = NOTHING_PASSED,
     *, is_wanted: Callable[[str, str], bool] = lambda quiz, question: True,
-) -> Iterator[Certified]:  # fmt: skip
+) -> Iterator[CertifiedKey]:  # fmt: skip
     """Certifies every key of these quizzes, but for those whose certificates have been kept. `is_wanted` says of a quiz
     and a question whether to certify it, and is called before."""
     for quiz in quizzes:
@@ -50,7 +50,7 @@ def certify_quizzes(
                     write=write_certificate,
                     read=read_certificate,
                 )
-                yield Certified(quiz, question, key, certificate and name_slip(question, key, certificate))
+                yield CertifiedKey(quiz, question, key, certificate and name_slip(question, key, certificate))
             if is_drawn(question):
                 yield from certify_drawn(library, quiz, question, passed)
 
@@ -69,7 +69,7 @@ def name_slip(question: Question, key: AnswerKey, certificate: Certificate) -> C
     return replace(certificate, why=f"{certificate.why}. {seen}: correct `answer` or `unit`")
 
 
-def certify_drawn(library: Library, quiz: str, question: Question, passed: PassedChecks) -> Iterator[Certified]:
+def certify_drawn(library: Library, quiz: str, question: Question, passed: PassedChecks) -> Iterator[CertifiedKey]:
     """Yields the certificates of a question that fail at the ends of what is drawn."""
     failed = passed.run(
         "corners",
@@ -80,7 +80,7 @@ def certify_drawn(library: Library, quiz: str, question: Question, passed: Passe
         read=lambda _: [],
     )
     for key, certificate in failed:
-        yield Certified(quiz, question, key, certificate)
+        yield CertifiedKey(quiz, question, key, certificate)
 
 
 def propose_for_key(

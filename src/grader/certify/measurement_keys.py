@@ -15,7 +15,7 @@ from grader.domain.verify import ByExpression, ByMeasurement
 from grader.errors import InvalidAnswer
 from grader.experiments.limits import UNCERTAINTY_SHARE, Measure, describe_noise, find_limit
 from grader.experiments.quantities import measure as measure_quantity
-from grader.experiments.regime import Regime, Unresolved, describe_reset, explain_window
+from grader.experiments.regime import Regime, RegimeFailure, describe_reset, explain_window
 from grader.experiments.runs import (
     NUDGED,
     SAME,
@@ -53,16 +53,16 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
         variant = replace(variant, every_step=verify.when != "end" or verify.until is not None)
         run = run_experiment(config, xml, seconds=verify.seconds, variant=variant, keys=keys)
         if run.warnings:
-            raise Unresolved("no reset", describe_reset(run))
+            raise RegimeFailure("no reset", describe_reset(run))
         value = scale * measure_series(run, verify)
         if not isfinite(value):
             what = "finite value" if verify.when in ("end", "max", "min", "mean") else verify.when.replace("_", " ")
-            raise Unresolved("finite", f"the run has no {what}: make it longer, or mend expr")
+            raise RegimeFailure("finite", f"the run has no {what}: make it longer, or mend expr")
         return run, value
 
     try:
         return (_certify_run if verify.timestep == "given" else _certify_motion)(key, verify, measure)
-    except Unresolved as error:
+    except RegimeFailure as error:
         at = "verify.expr" if error.condition == "finite" else "verify"
         return refuse("measurement", key.answer, str(error), key=at, failed=error.condition)
 

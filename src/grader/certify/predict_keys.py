@@ -11,7 +11,7 @@ from grader.certify.claims import check_claim, to_claim
 from grader.domain.lab import LabConfig, Select
 from grader.domain.pages.markup import plain_text
 from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
-from grader.experiments.regime import Reading, Unresolved, compare_runs
+from grader.experiments.regime import Reading, RegimeFailure, compare_runs
 from grader.experiments.runs import (
     LabRun,
     Variant,
@@ -74,7 +74,7 @@ def _certify_options(key: OptionKey, lab: LabConfig, verify: ByOptions, xml: str
         option = key.options[i]
         try:
             outcomes, regimes[option] = _measure_outcomes(measuring, lab, xml, setting, verify)
-        except Unresolved as error:
+        except RegimeFailure as error:
             return refuse("options", key.answer, f"{option!r}: {error}", measured=measured, failed=error.condition)
         measured[option] = outcomes[0][1]
         if len({holds for holds, _ in outcomes}) > 1:
@@ -113,7 +113,7 @@ def _certify_outcome(key: OptionKey, lab: LabConfig, verify: ByOutcome, xml: str
 
     try:
         readings, regime = compare_runs(read, run, verify, to_the_end=all(claim.when == "end" for claim in claims))
-    except Unresolved as error:
+    except RegimeFailure as error:
         return refuse("outcome", key.answer, str(error), key="answer", failed=error.condition)
     truths, numbers = (list(column) for column in zip(*readings, strict=True))
     measured = {
@@ -169,7 +169,7 @@ Outcome = tuple[bool, dict[str, Any]]
 def _measure_outcomes(
     measuring: LabConfig, lab: LabConfig, xml: str, setting: Setting, verify: ByOptions
 ) -> tuple[list[Outcome], dict[str, Any]]:
-    """Returns the outcomes of the runs that must agree, and the regime as JSON. Raises Unresolved.
+    """Returns the outcomes of the runs that must agree, and the regime as JSON. Raises RegimeFailure.
 
     Stability belongs to one timestep, and so does what a setting of the numerics changes: only starts are nudged. A run
     without a warning is stable only if small motions do not grow either: large ones may be bounded by nonlinear forces.
@@ -206,7 +206,8 @@ def _measure_outcome(lab: LabConfig, xml: str, setting: Setting, verify: ByOptio
 
 
 def _check_growth(lab: LabConfig, xml: str, setting: Setting, silent: Outcome) -> Outcome:
-    """Returns the outcome of a run without a warning: not stable if small motions certainly grow. Raises Unresolved."""
+    """Returns the outcome of a run without a warning: not stable if small motions certainly grow. Raises
+    RegimeFailure."""
     scene = build_lab_scene(lab, xml, setting)
     h, integrator = float(scene.model.opt.timestep), int(scene.model.opt.integrator)
     growth = measure_silent_growth(scene, timestep_s=h, integrator=integrator)
@@ -216,7 +217,7 @@ def _check_growth(lab: LabConfig, xml: str, setting: Setting, silent: Outcome) -
     why = f"MuJoCo never warns, but small motions about the equilibrium grow {growth:.6g} times a step"
     if grown < log(CERTAIN):
         cure = "the timestep is too near the limit for a run of this length; move it away"
-        raise Unresolved("growth about the equilibrium", f"{why}: {cure}")
+        raise RegimeFailure("growth about the equilibrium", f"{why}: {cure}")
     return False, {**silent[1], "stable": False, "growth": f"{why}: large ones are bounded"}
 
 

@@ -75,10 +75,10 @@ def grade(
         submission = keyed.read(quiz, question, given, seed)
         verdict = report_verdict(keyed.judge_with_retries(submission), submission.question)
     if form is not None:
-        from grader.reports import Graded, junit_xml, results_json
+        from grader.reports import GradedAnswer, junit_xml, results_json
 
         write = {"gradescope": results_json, "junit": junit_xml}[form]
-        print(write(Graded(library.quiz(quiz), submission.question, verdict, submission.seed)))
+        print(write(GradedAnswer(library.quiz(quiz), submission.question, verdict, submission.seed)))
     elif as_json:
         document = json.loads(verdict.model_dump_json()) | {"seed": submission.seed}
         print(json.dumps(document, ensure_ascii=False, indent=2))

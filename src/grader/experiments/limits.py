@@ -16,7 +16,7 @@ WHOLE = 1e-6
 """Distance from a whole number at which a run counts as that many steps: rounding of the sum of the timesteps."""
 
 Measure = Callable[[Variant], tuple[LabRun, float]]
-"""Returns a run and the number that was measured in it. Raises Unresolved."""
+"""Returns a run and the number that was measured in it. Raises RegimeFailure."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class MotionLimit:
 def find_limit(measure: Measure, allowed: float, *, to_the_end: bool, fastest: float | None = None) -> MotionLimit:
     """Measure a number until its uncertainty is `allowed`, or no shorter timestep helps.
 
-    `to_the_end` and `fastest` are as for `check_regime`. Raises Unresolved.
+    `to_the_end` and `fastest` are as for `check_regime`. Raises RegimeFailure.
     """
     run, own = measure(Variant(probes=PROBES))
     regime = check_regime(run, to_the_end=to_the_end, fastest=fastest)

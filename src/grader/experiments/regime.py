@@ -47,7 +47,7 @@ Reading = tuple[Any, Any]
 """What a run says of a claim, True or False or one for each claim, and what was measured."""
 
 
-class Unresolved(Exception):
+class RegimeFailure(Exception):
     """The regime does not hold: the name of the `condition` that failed, and a sentence with the cure."""
 
     def __init__(self, condition: str, why: str) -> None:
@@ -104,12 +104,12 @@ def check_regime(run: LabRun, *, to_the_end: bool, fastest: float | None = None)
     """Find the timestep that resolves the motion of a run with probes at the model's own timestep.
 
     Where only the end of the run is read (`to_the_end`), what decays without swinging needs no resolution. `fastest` is
-    the author's bound of the rate [1/s]. Raises Unresolved.
+    the author's bound of the rate [1/s]. Raises RegimeFailure.
     """
     timestep_s = run.duration_s / max(run.steps, 1)
     rate = max(_find_fastest(run, to_the_end=to_the_end), fastest or 0.0)
     if not isfinite(rate):
-        raise Unresolved("resolved", "the equations of motion could not be linearised along the run")
+        raise RegimeFailure("resolved", "the equations of motion could not be linearised along the run")
     level = max(0, ceil(log2(rate * timestep_s / RESOLVED))) if rate > 0 else 0
     while run.steps * 2 ** (level + 2) <= STEPS_MAX and _loses_mode(run, timestep_s / 2 ** (level + 2)):
         level += 1
@@ -119,7 +119,7 @@ def check_regime(run: LabRun, *, to_the_end: bool, fastest: float | None = None)
             "make the model less stiff or the run shorter, or write "
             '"timestep": "given" for a key about the discretisation'
         )
-        raise Unresolved(
+        raise RegimeFailure(
             "resolved", f"the fastest motion, {rate:.3g} 1/s, is not resolved by timesteps {needed}: {cure}"
         )
     return Regime(timestep_s, run.steps, rate, level)
@@ -148,7 +148,7 @@ def _loses_mode(run: LabRun, timestep_s: float) -> bool:
 def compare_runs(
     read: Callable[[Variant], Reading], probe: Callable[[Variant], LabRun], verify: Simulation, *, to_the_end: bool
 ) -> tuple[list[Reading], dict[str, Any]]:
-    """Returns what the runs that must agree give, and the regime as JSON. Raises Unresolved.
+    """Returns what the runs that must agree give, and the regime as JSON. Raises RegimeFailure.
 
     Where they do not agree because of the timestep alone, it is halved further, CLIMBS times at most.
     """

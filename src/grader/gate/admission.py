@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from grader.courses.people.identity import FAILED, Identity, Recalled, Role, authenticate
+from grader.courses.people.identity import FAILED, CredentialCache, Identity, Role, authenticate
 from grader.courses.people.identity import Scope as TokenScope
 from grader.errors import CallerError, Forbidden, Unauthorized, Unprocessable
 from grader.gate.compression import CompressionMiddleware
@@ -78,7 +78,7 @@ class AdmissionMiddleware:
         self.app, self.database, self.rules = app, database, rules
         self.documents = CompressionMiddleware(ConditionalMiddleware(app))
         """The app for GET, whose answers may come again and be long."""
-        self.recalled = Recalled()
+        self.recalled = CredentialCache()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serves the request, or answers it with a problem."""

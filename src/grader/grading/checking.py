@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from threading import Lock
 
-from grader.certify.keys import Certified, bound_luck, build_fault, certify_quizzes, propose_for_key
+from grader.certify.keys import CertifiedKey, bound_luck, build_fault, certify_quizzes, propose_for_key
 from grader.certify.remarks import UNVERIFIED, is_decidable
 from grader.domain.verdict import Status
 from grader.errors import ContentError, Fault, GraderError, NotFound
@@ -145,7 +145,7 @@ class ContentCheck:
                 faults = report.faults if is_fault else report.undecided
                 faults.append(build_fault(library, quiz, certified.question, certificate))
 
-    def propose(self, certified: Certified) -> None:
+    def propose(self, certified: CertifiedKey) -> None:
         """Remarks on a key that no simulation confirms, with a `verify` to paste where one can be proposed."""
         if not is_decidable(certified.key):
             return

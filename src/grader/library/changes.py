@@ -7,7 +7,7 @@ from typing import Any
 
 from grader.library.checking.semantics import list_named_models
 from grader.library.edits import Edit, join_path, list_edits
-from grader.library.lesson_text import Heading, LessonText, Placed
+from grader.library.lesson_text import Heading, LessonText, Placement
 from grader.library.snapshot import Library
 from grader.questions import Question, Quiz, kind_of
 
@@ -63,7 +63,7 @@ def _dump_lesson(lesson: LessonText) -> dict[str, Any]:
     """Returns the text of a lesson, paragraph by paragraph."""
     text: list[str] = []
     for part in lesson.parts:
-        if isinstance(part, Placed):
+        if isinstance(part, Placement):
             text.append(f"{part.quiz} {part.lab}".strip())
         else:
             text += [part.html] if isinstance(part, Heading) else part.blocks

@@ -60,7 +60,7 @@ class Heading:
 
 
 @dataclass(frozen=True)
-class Placed:
+class Placement:
     """The place of a quiz, or of one of its labs where `lab` is not empty."""
 
     quiz: str
@@ -74,7 +74,7 @@ class LessonText:
 
     id: str
     title: str
-    parts: tuple[Prose | Heading | Placed, ...]
+    parts: tuple[Prose | Heading | Placement, ...]
     source: str = ""
 
 
@@ -87,7 +87,7 @@ class _Reading:
     media: Mapping[str, Media]
     title: str = ""
     source: str = ""
-    parts: list[Prose | Heading | Placed] = field(default_factory=list)
+    parts: list[Prose | Heading | Placement] = field(default_factory=list)
     anchors: set[str] = field(default_factory=set)
     links: list[tuple[int, str]] = field(default_factory=list)
     level: int = 0
@@ -138,7 +138,7 @@ class _Reading:
             self.fault(line, f"must name one {sort} and hold nothing, such as {example}; JSON stands in quizzes/")
             return
         quiz_id, _, lab_id = names[0].partition("/")
-        place, quiz = Placed(quiz_id, lab_id), self.quizzes.get(quiz_id)
+        place, quiz = Placement(quiz_id, lab_id), self.quizzes.get(quiz_id)
         if quiz is None:
             self.fault(line, f"there is no quiz {quoted(quiz_id)} in quizzes/: correct its id")
         elif find_lesson_id(quiz_id) != self.lesson:

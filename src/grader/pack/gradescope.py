@@ -35,7 +35,7 @@ EXECUTABLE, READABLE, PRIVATE = 0o755, 0o644, 0o600
 
 
 @dataclass(frozen=True)
-class Packed:
+class PackedFile:
     """One file of the package."""
 
     path: str
@@ -56,24 +56,26 @@ def pack_gradescope(library: Library, quiz: str, question: str, out: Path, *, al
         *build_scripts(quiz, asked, allow_t2=allow_t2),
         *build_content(library, quiz, asked),
         *build_wheels(asked.check.kind),
-        Packed("key", secrets.token_bytes(KEY_BYTES), PRIVATE),
+        PackedFile("key", secrets.token_bytes(KEY_BYTES), PRIVATE),
     ]
     (write_zip if out.suffix == ".zip" else write_folder)(out, files)
     return out
 
 
-def build_scripts(quiz: str, question: ScriptQuestion, *, allow_t2: bool) -> list[Packed]:
+def build_scripts(quiz: str, question: ScriptQuestion, *, allow_t2: bool) -> list[PackedFile]:
     """Returns the scripts that Gradescope calls, and what this exercise says to them."""
     suffixes = ".py .ipynb" if question.takes == "python" else " ".join(question.form.suffixes)
     values = {
         "QUIZ": quiz, "QUESTION": question.id, "SUFFIXES": suffixes, "GRADER_ALLOW_T2": str(allow_t2).lower()
     }  # fmt: skip
     said = "".join(f"{name}={shlex.quote(value)}\n" for name, value in values.items())
-    members = [Packed(path.name, path.read_bytes(), EXECUTABLE) for path in sorted(SCRIPTS.iterdir()) if path.is_file()]
-    return [*members, Packed("exercise.sh", said.encode())]
+    members = [
+        PackedFile(path.name, path.read_bytes(), EXECUTABLE) for path in sorted(SCRIPTS.iterdir()) if path.is_file()
+    ]
+    return [*members, PackedFile("exercise.sh", said.encode())]
 
 
-def build_content(library: Library, quiz: str, question: ScriptQuestion) -> list[Packed]:
+def build_content(library: Library, quiz: str, question: ScriptQuestion) -> list[PackedFile]:
     """Returns a content folder with this question alone, and the models, which scripts may read. No other question, no
     explanation, no starter and no reference solution is in it."""
     file = library.file(quiz)
@@ -86,7 +88,7 @@ def build_content(library: Library, quiz: str, question: ScriptQuestion) -> list
     named = json.dumps(reduced)
     texts = {path: text for path, text in sources.items() if path.startswith(MODELS) or json.dumps(path) in named}
     texts[str(Path(file).with_suffix(".json"))] = json.dumps(reduced, ensure_ascii=False, indent=2)
-    files = [Packed(path, text.encode(), choose_mode(path)) for path, text in texts.items()]
+    files = [PackedFile(path, text.encode(), choose_mode(path)) for path, text in texts.items()]
     with TemporaryDirectory(prefix="grader-pack-") as folder:
         write_folder(Path(folder, "content"), files)
         load(Path(folder, "content"))  # what was left out must not be missed
@@ -98,7 +100,7 @@ def choose_mode(path: str) -> int:
     return READABLE if path.startswith(MODELS) else PRIVATE
 
 
-def build_wheels(kind: str) -> list[Packed]:
+def build_wheels(kind: str) -> list[PackedFile]:
     """The grader as a wheel, the package that the kind of exercise comes from, and the versions of all they need."""
     packages = {OURS: "grader"}
     for point in entry_points(group=GROUP, name=kind):
@@ -106,11 +108,11 @@ def build_wheels(kind: str) -> list[Packed]:
         packages.setdefault(point.dist.name, point.module.partition(".")[0])
     with TemporaryDirectory(prefix="grader-pack-") as folder:
         made = [write_wheel(distribution(name), module, Path(folder)) for name, module in packages.items()]
-        packed = [Packed(f"wheels/{path.name}", path.read_bytes()) for path in made]
-    return [*packed, Packed("constraints.txt", list_constraints(list(packages)).encode())]
+        packed = [PackedFile(f"wheels/{path.name}", path.read_bytes()) for path in made]
+    return [*packed, PackedFile("constraints.txt", list_constraints(list(packages)).encode())]
 
 
-def write_folder(folder: Path, files: list[Packed]) -> None:
+def write_folder(folder: Path, files: list[PackedFile]) -> None:
     """Writes the files below a new folder, each with its mode from the start."""
     folder.mkdir(mode=0o755, parents=True)
     for file in files:
@@ -121,7 +123,7 @@ def write_folder(folder: Path, files: list[Packed]) -> None:
         path.chmod(file.mode)
 
 
-def write_zip(path: Path, files: list[Packed]) -> None:
+def write_zip(path: Path, files: list[PackedFile]) -> None:
     """Writes the files as a zip with their modes, at the root of it, where Gradescope looks for them."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.touch(mode=PRIVATE)

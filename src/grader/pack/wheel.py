@@ -28,7 +28,7 @@ PINNED = re.compile(r"^(Requires-Dist: *([A-Za-z0-9._-]+) *== *)([^;\s]+)", re.M
 """A requirement of one version alone: up to the version, the name, the version."""
 
 
-class Needed(NamedTuple):
+class NeededDistribution(NamedTuple):
     """A distribution that is required, with these extras."""
 
     name: str
@@ -91,8 +91,8 @@ def pin_installed(pinned: re.Match[str]) -> str:
 def list_constraints(names: list[str]) -> str:
     """Versions of all that these distributions need and that is installed here, for pip's `--constraint`."""
     versions: dict[str, str] = {}
-    seen: set[Needed] = set()
-    waiting = [Needed(name, frozenset()) for name in names]
+    seen: set[NeededDistribution] = set()
+    waiting = [NeededDistribution(name, frozenset()) for name in names]
     while waiting:
         one = waiting.pop()
         if one in seen:
@@ -105,10 +105,10 @@ def list_constraints(names: list[str]) -> str:
     return "".join(f"{name}=={versions[name]}\n" for name in sorted(versions) if name not in names)
 
 
-def list_needs(found: Distribution, extras: frozenset[str]) -> Iterator[Needed]:
+def list_needs(found: Distribution, extras: frozenset[str]) -> Iterator[NeededDistribution]:
     """Says what a distribution with some of its extras requires, whatever the platform."""
     for text in found.requires or []:
         of_extra = re.search(r"""extra\s*==\s*["']([^"']+)""", text)
         match = REQUIREMENT.match(text)
         if match and (of_extra is None or of_extra[1] in extras):
-            yield Needed(match[1], frozenset(filter(None, re.split(r"[\s,]+", match[2] or ""))))
+            yield NeededDistribution(match[1], frozenset(filter(None, re.split(r"[\s,]+", match[2] or ""))))

@@ -13,7 +13,7 @@ from grader.errors import Unprocessable
 from grader.platforms import roster
 from grader.platforms.launching.addresses import is_of_platform, read_origin
 from grader.platforms.launching.registration import LIFETIME, PURPOSE
-from grader.platforms.roster import Pulled
+from grader.platforms.roster import PulledRoster
 from grader.store import platforms, tickets
 from grader.store.engine.database import Database
 
@@ -82,7 +82,9 @@ def list_contexts(session: Session, course: str | None = None) -> list[dict[str,
     ]
 
 
-async def pull_roster(database: Database, authorized: "AccessTokens", by: Identity | None, context_id: int) -> Pulled:
+async def pull_roster(
+    database: Database, authorized: "AccessTokens", by: Identity | None, context_id: int
+) -> PulledRoster:
     """Pulls the members of a platform's course into the linked one, of which `by` must be an instructor. Raises
     NotFound, Conflict, Unprocessable."""
 
@@ -98,7 +100,7 @@ async def pull_roster(database: Database, authorized: "AccessTokens", by: Identi
     context, row = await asyncio.to_thread(source)
     people = await roster.pull(authorized, platforms.read_platform(row), context.members_url)
 
-    def enter() -> Pulled:
+    def enter() -> PulledRoster:
         with database.write() as session:
             return roster.enter(session, by, roster.find_source(session, context_id), people)
 

@@ -33,7 +33,7 @@ NEXT = re.compile(r'<([^<>]*)>[^,<]*;\s*rel="?next"?', re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class Pulled:
+class PulledRoster:
     """What a roster came to: members here, and people whom an instructor had removed."""
 
     members: int
@@ -107,7 +107,7 @@ def find_source(session: Session, context_id: int) -> Context:
     return context
 
 
-def enter(session: Session, by: Identity | None, context: Context, people: Sequence[Person]) -> Pulled:
+def enter(session: Session, by: Identity | None, context: Context, people: Sequence[Person]) -> PulledRoster:
     """Makes the people members of the linked course; those of an earlier roster who are missing stay. Raises
     Unauthorized if the caller's right ended while the platform answered."""
     assert context.course is not None
@@ -118,6 +118,6 @@ def enter(session: Session, by: Identity | None, context: Context, people: Seque
             rules.get_member(session, context, person)
         except Forbidden:
             removed += 1
-    pulled = Pulled(len(people) - removed, removed)
+    pulled = PulledRoster(len(people) - removed, removed)
     record(session, by, context.course, Action.ROSTER_PULLED, context.title, members=pulled.members)
     return pulled

@@ -9,7 +9,7 @@ from grader.questions import Question, Quiz, kind_of
 
 
 @dataclass(frozen=True)
-class Graded:
+class GradedAnswer:
     """A verdict on an answer to a question of a quiz; `seed` drew the hidden cases."""
 
     quiz: Quiz

@@ -6,7 +6,7 @@ from typing import Any
 
 from grader.domain.verdict import POINT_DIGITS, Status
 from grader.errors import JailFault
-from grader.reports.graded import Graded
+from grader.reports.graded import GradedAnswer
 
 VISIBLE = "visible"
 VISIBILITY = {"immediate": VISIBLE, "after_due": "after_due_date", "after_publish": "after_published"}
@@ -16,7 +16,7 @@ LATER = "Your script was graded. Your course shows the feedback later."
 NO_RESULT = "The grader itself failed: there is no result to report, and nothing is the student's mistake."
 
 
-def results_json(graded: Graded) -> str:
+def results_json(graded: GradedAnswer) -> str:
     """Returns the verdict as the text of results.json. Raises JailFault for a fault of the grader, since any document
     would give points: without one, Gradescope tells student and staff that the autograder failed."""
     if graded.verdict.status is Status.GRADER_FAULT:
@@ -24,7 +24,7 @@ def results_json(graded: Graded) -> str:
     return json.dumps(build_document(graded), ensure_ascii=False, indent=2)
 
 
-def build_document(graded: Graded) -> dict[str, Any]:
+def build_document(graded: GradedAnswer) -> dict[str, Any]:
     """Returns the document as plain JSON."""
     verdict, visibility = graded.verdict, VISIBILITY[graded.quiz.default_policy.feedback]
     words = "\n".join(filter(None, (verdict.diagnosis, graded.summary)))
@@ -49,7 +49,7 @@ def build_document(graded: Graded) -> dict[str, Any]:
     }
 
 
-def build_tests(graded: Graded) -> list[dict[str, Any]]:
+def build_tests(graded: GradedAnswer) -> list[dict[str, Any]]:
     """Returns a test for each finding, one for the whole question where there is none, and what the script printed."""
     verdict = graded.verdict
     found = [
@@ -64,7 +64,7 @@ def build_tests(graded: Graded) -> list[dict[str, Any]]:
     return [*found, *(check(name, text, True) for name, text in printed.items() if text)]
 
 
-def read_passed(graded: Graded) -> bool | None:
+def read_passed(graded: GradedAnswer) -> bool | None:
     """Says whether the answer is right; None while a person has to decide."""
     return None if graded.verdict.status is Status.NEEDS_REVIEW else graded.verdict.status is Status.CORRECT
 

@@ -6,7 +6,7 @@ import re
 from xml.etree import ElementTree
 
 from grader.domain.verdict import Status
-from grader.reports.graded import Graded
+from grader.reports.graded import GradedAnswer
 
 ILLEGAL = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML 1.0 cannot hold. Source: W3C, XML 1.0, section 2.2."""
@@ -15,7 +15,7 @@ KINDS = ("failure", "error", "skipped")
 UNDECIDED = "A person decides on this."
 
 
-def junit_xml(graded: Graded) -> str:
+def junit_xml(graded: GradedAnswer) -> str:
     """Returns the verdict as a JUnit document: one test case for the answer as a whole, and one for each finding. An
     answer that waits for a person is skipped; a fault of the grader is an error, and no failure."""
     verdict = graded.verdict

@@ -115,7 +115,7 @@ class Delivery(Base):
     """Whether a person asked to overwrite what the platform has."""
 
 
-class Noted(NamedTuple):
+class NotedRow(NamedTuple):
     """A row in which a change was noted."""
 
     id: int
@@ -131,7 +131,7 @@ OPEN_DESTINATIONS = select(
 ).where(Destination.course.in_(bindparam("courses", expanding=True)), Destination.disabled_at.is_(None))
 
 
-def note(session: Session, changed: Collection[LearnerAt], only: str = ALL, kind: str = ALL) -> list[Noted]:
+def note(session: Session, changed: Collection[LearnerAt], only: str = ALL, kind: str = ALL) -> list[NotedRow]:
     """Notes changed results for the destinations of their courses, or `only` one, or those of a `kind`. The caller
     holds the learners' locks. Adds a row for each result and destination, or counts one more change of it."""
     if not changed:
@@ -148,7 +148,7 @@ def note(session: Session, changed: Collection[LearnerAt], only: str = ALL, kind
     new = {"state": WAITING, "version": 1, "noted_at": now(), "has_job": False, "attempts": 0, "forced": False}
     rows = [{**new, **dict(zip(_KEY, key, strict=True)), "course": course} for key, course in sorted(keys.items())]
     statement = _build_insert_or_count(session.get_bind().dialect.name)
-    return [Noted(*row) for row in session.connection().execute(statement, rows)]
+    return [NotedRow(*row) for row in session.connection().execute(statement, rows)]
 
 
 _KEY = ("destination", "learner", "quiz", "question")
@@ -184,14 +184,14 @@ def unsent_scores(session: Session) -> Sequence[tuple[str, str, str]]:
     return [(course, quiz, learner) for course, quiz, learner in rows]
 
 
-def release_held(session: Session, course: str, quiz: str, learners: Collection[str]) -> list[Noted]:
+def release_held(session: Session, course: str, quiz: str, learners: Collection[str]) -> list[NotedRow]:
     """Makes the held scores of learners in a quiz wait; returns them. Scores that wait count one more change, so that
     one that a sender is about to hold is looked at again."""
     theirs = Delivery.course == course, Delivery.learner.in_(learners), Delivery.quiz == quiz
     again = update(Delivery).where(*theirs, Delivery.destination.in_(_SCORES)).values(version=Delivery.version + 1)
     session.execute(again.where(Delivery.state == WAITING), execution_options=_UNCHANGED)
     held = again.values(state=WAITING, next_at=None).where(Delivery.state == HELD).returning(*_RETURNED)
-    return [Noted(*row) for row in session.execute(held, execution_options=_UNCHANGED)]
+    return [NotedRow(*row) for row in session.execute(held, execution_options=_UNCHANGED)]
 
 
 MARK_QUEUED = update(Delivery).where(Delivery.id.in_(bindparam("ids", expanding=True))).values(has_job=True)

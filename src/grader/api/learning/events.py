@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 from grader.api.learning.submissions import describe_for, find_visible, read_seen
 from grader.courses.answering.access import LearnerAccess, read_access
 from grader.courses.people.identity import Identity, still_holds
-from grader.courses.rules.policy import Shown
+from grader.courses.rules.policy import Visibility
 from grader.gate.callers import Learner, api_router
 from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
@@ -120,7 +120,7 @@ def serialise_event(event: Event, shown: dict[str, Any]) -> ServerSentEvent:
 
 def events_shown(session: Session, access: LearnerAccess, submission: Submission, last: int) -> list[Event]:
     """The events after number `last` that the user may see: before the feedback, none after the first verdict."""
-    if access.decide(submission.quiz, submission.question).shown is not Shown.RECEIPT:
+    if access.decide(submission.quiz, submission.question).shown is not Visibility.RECEIPT:
         return list(submissions.events_after(session, submission.id, last))
     events = submissions.events_after(session, submission.id, 0)
     first = next((event.number for event in events if event.name in submissions.AT_REST), len(events))

@@ -21,9 +21,9 @@ from grader.courses.answering.intake import NewAnswer, Receipt
 from grader.courses.answering.stopping import stop
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity, Role
-from grader.courses.reviewing.blinding import Blinded, hide_names
-from grader.courses.rules.policy import Decision, Shown, redact_json
-from grader.courses.rules.progress import Compared, describe_progress
+from grader.courses.reviewing.blinding import BlindedVerdicts, hide_names
+from grader.courses.rules.policy import Decision, Visibility, redact_json
+from grader.courses.rules.progress import ComparedAttempt, describe_progress
 from grader.domain.verdict import Status, Verdict
 from grader.errors import CallerError, Conflict, InvalidAnswer, NotFound
 from grader.gate.admission import PREFIX, SUBMISSIONS, authenticate_again, get_identity
@@ -220,8 +220,8 @@ def compare_attempts(session: Session, decision: Decision, submission: Submissio
     rows = [row for row in submissions.page(session, wanted, None, COMPARED_MAX) if row.attempt < submission.attempt]
     verdicts = submissions.read_verdicts(session, rows)
     shown = [(row.attempt, redact_json(verdicts.get(row.id), decision)) for row in reversed(rows)]
-    earlier = [Compared(attempt, one) for attempt, one in shown if one]
-    return describe_progress(earlier, Compared(submission.attempt, verdict))
+    earlier = [ComparedAttempt(attempt, one) for attempt, one in shown if one]
+    return describe_progress(earlier, ComparedAttempt(submission.attempt, verdict))
 
 
 @router.post("/answers:validate", responses=refusals(401, 403, 404, 409, 413, 422, 429))
@@ -244,7 +244,7 @@ def find_visible(session: Session, submission_id: str, who: Identity) -> Submiss
     return submission
 
 
-def read_seen(session: Session, services: Services, who: Identity, rows: Sequence[Submission]) -> Blinded:
+def read_seen(session: Session, services: Services, who: Identity, rows: Sequence[Submission]) -> BlindedVerdicts:
     """The newest verdicts of submissions, and pseudonyms, without what an instructor is kept from knowing."""
     return hide_names(services.desk_of(who.course), session, who, rows, submissions.read_verdicts(session, rows))
 
@@ -261,7 +261,7 @@ def describe_for(
     Before the feedback, later revisions do not show."""
     redacted = redact_json(verdict, decision)
     shown = describe_submission(submission, redacted, pseudonym, with_answer=with_answer, with_seed=decision.sees_all)
-    if decision.shown is Shown.RECEIPT:
+    if decision.shown is Visibility.RECEIPT:
         shown["revision"] = min(1, submission.revision)
     return shown | {"withheld": decision.withheld}
 
@@ -301,9 +301,9 @@ def compute_etag_for(decision: Decision, submission: Submission, shown: dict[str
     """As `compute_etag`, for what a user is shown: a learner's also changes when the policy shows more or less. Before
     the feedback it depends on what is shown alone, so that it does not tell of a later verdict."""
     level = decision.shown
-    if decision.sees_all or level is Shown.FEEDBACK:
+    if decision.sees_all or level is Visibility.FEEDBACK:
         return compute_etag(submission)
-    if level is Shown.RECEIPT:
+    if level is Visibility.RECEIPT:
         verdict = {**(shown["verdict"] or {}), "content_digest": None}  # the key may be all that differs in it
         told = json.dumps([verdict, *(shown[name] for name in ("status", "attempt", "withheld"))])
         return f'"{submission.id[-8:]}-r{zlib.crc32(told.encode()):08x}"'

@@ -9,7 +9,7 @@ from pydantic import Field
 from grader.api.bodies import RequestBody, ResponseBody
 from grader.api.paging import NO_NUL, CursorQuery, Page, build_page, next_link, write_cursor
 from grader.courses.regrading import regrades
-from grader.courses.regrading.regrades import IDS_MAX, Scope, Wanted, describe_regrade
+from grader.courses.regrading.regrades import IDS_MAX, RegradeRequest, Scope, describe_regrade
 from grader.courses.reviewing.blinding import blinded_differences
 from grader.gate.admission import PREFIX
 from grader.gate.callers import Instructor, api_router
@@ -37,10 +37,10 @@ class RegradeBody(RequestBody):
     dry_run: bool = True
 
     @property
-    def wanted(self) -> Wanted:
+    def wanted(self) -> RegradeRequest:
         """The same, without HTTP."""
         scope = self.scope if isinstance(self.scope, str) else tuple(self.scope.submission_ids)
-        return Wanted(self.quiz, self.question, scope, self.dry_run)
+        return RegradeRequest(self.quiz, self.question, scope, self.dry_run)
 
 
 class Progress(ResponseBody):

@@ -6,28 +6,28 @@ from math import isclose, log10, pi, tau
 
 import mujoco
 
-from grader.certify.proposals.scenes import Shown
+from grader.certify.proposals.scenes import ShownExpression
 from grader.errors import InvalidAnswer
 from grader.questions.kinds.number.dimensions import find_unit_dimension, read_dimension
 from grader.questions.kinds.number.units import convert, known_unit
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedExpression:
     """An expression in the unit of a question. `is_certain` says that its dimension was read and is that of the unit,
     `factor` what the shown expression is multiplied by; None where it is in another unit."""
 
     expr: str
-    shown: Shown
+    shown: ShownExpression
     factor: float | None
     is_certain: bool
 
 
-def fit_unit(shown: Shown, model: mujoco.MjModel, unit: str | None) -> Fitted | None:
+def fit_unit(shown: ShownExpression, model: mujoco.MjModel, unit: str | None) -> FittedExpression | None:
     """Returns an expression in a unit; None where it measures something else."""
     wanted, measured = find_unit_dimension(unit or ""), read_dimension(shown.expr, model)
     if not unit or known_unit(unit) is None:
-        return Fitted(shown.expr, shown, 1.0, is_certain=False)
+        return FittedExpression(shown.expr, shown, 1.0, is_certain=False)
     if measured is None:
         return fit_declared(shown, unit)
     if wanted is None or not all(map(partial(isclose, abs_tol=1e-9), measured.powers, wanted.powers)):
@@ -42,15 +42,15 @@ def fit_unit(shown: Shown, model: mujoco.MjModel, unit: str | None) -> Fitted | 
         if cycles is None:
             return None
         factor = measured.size * cycles / tau
-    return Fitted(multiply(shown.expr, factor), shown, factor, is_certain=True)
+    return FittedExpression(multiply(shown.expr, factor), shown, factor, is_certain=True)
 
 
-def fit_declared(shown: Shown, unit: str) -> Fitted | None:
+def fit_declared(shown: ShownExpression, unit: str) -> FittedExpression | None:
     """Returns an expression whose dimension cannot be read, by the unit that its label declares."""
     if not shown.unit or known_unit(shown.unit) is None:
-        return Fitted(shown.expr, shown, 1.0, is_certain=False)
+        return FittedExpression(shown.expr, shown, 1.0, is_certain=False)
     factor = find_factor(shown.unit, unit)
-    return None if factor is None else Fitted(multiply(shown.expr, factor), shown, factor, is_certain=True)
+    return None if factor is None else FittedExpression(multiply(shown.expr, factor), shown, factor, is_certain=True)
 
 
 def find_factor(given: str, wanted: str) -> float | None:

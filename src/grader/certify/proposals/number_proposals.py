@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import ValidationError
 
 from grader.certify.measurement_keys import find_scale
-from grader.certify.proposals.expressions import Fitted, fit_unit
+from grader.certify.proposals.expressions import FittedExpression, fit_unit
 from grader.certify.proposals.proposal import Proposal, write_verify
-from grader.certify.proposals.scenes import LabScene, Shown, read_numbers
+from grader.certify.proposals.scenes import LabScene, ShownExpression, read_numbers
 from grader.certify.proposals.thresholds import list_thresholds
 from grader.certify.proposals.trying import BROKEN, certify_with
-from grader.certify.proposals.wording import Asked, read_question, read_words
+from grader.certify.proposals.wording import AskedQuantities, read_question, read_words
 from grader.domain.lab import SECONDS_MAX
 from grader.domain.quantities import BASE_UNITS, QuantityName, Summary, Window
 from grader.domain.verify import ByMeasurement, ByThreshold
@@ -130,7 +130,7 @@ def measure_distance(value: float, answer: float) -> float:
     return abs(value - answer) / max(abs(value), abs(answer), 1e-300)
 
 
-def list_candidates(key: NumberKey, asked: Asked, scene: LabScene, model_xml: ModelXml) -> list[Candidate]:
+def list_candidates(key: NumberKey, asked: AskedQuantities, scene: LabScene, model_xml: ModelXml) -> list[Candidate]:
     """Returns every candidate of a simulation, none where it cannot be run."""
     if asked.is_timestep:
         return [Candidate(*found, rank=5, is_telling=True) for found in list_thresholds(key, scene, model_xml)]
@@ -145,7 +145,7 @@ class NumberSearch:
     """The quantities of one run of a simulation that are in the unit of a question and that its words allow."""
 
     unit: str | None
-    asked: Asked
+    asked: AskedQuantities
     scene: LabScene
 
     @property
@@ -178,17 +178,17 @@ class NumberSearch:
                 for seconds in lengths:
                     yield from self.measure(one, name, seconds, times, values)
 
-    def fit(self, shown: Sequence[Shown]) -> Iterator[Fitted]:
+    def fit(self, shown: Sequence[ShownExpression]) -> Iterator[FittedExpression]:
         """Yields the expressions that are in the unit; as they are where a quantity is read from moments alone."""
         for fit in shown:
             fitted = fit_unit(fit, self.scene.model, self.unit)
             if fitted is not None and any(name not in BASE_UNITS for name in self.names):
                 yield fitted
             elif any(name in BASE_UNITS for name in self.names):
-                yield Fitted(fit.expr, fit, None, is_certain=False)
+                yield FittedExpression(fit.expr, fit, None, is_certain=False)
 
     def measure(
-        self, fit: Fitted, name: Measured, seconds: float, times: Floats, values: Floats
+        self, fit: FittedExpression, name: Measured, seconds: float, times: Floats, values: Floats
     ) -> Iterator[Candidate]:
         """Yields a quantity of a series in the first `seconds` of a run, by each level or band that may be meant."""
         is_of_moments = name in BASE_UNITS
@@ -209,7 +209,7 @@ class NumberSearch:
                     what = f"{NAMES[name]}{form} of “{fit.shown.label}”{window}{self.where}"
                     yield Candidate(verify, find_scale(name, self.unit) * value, what, rank, is_telling)
 
-    def rank(self, fit: Fitted, name: str, seconds: float) -> int:
+    def rank(self, fit: FittedExpression, name: str, seconds: float) -> int:
         """Returns how well a candidate fits: the quantity is asked for, the unit is certain, the label and the moment
         stand in the question."""
         words = min(len(read_words(fit.shown.label) & self.asked.words), 2)
@@ -217,7 +217,7 @@ class NumberSearch:
         return 3 * is_asked + 2 * fit.is_certain + words + is_named + self.scene.is_own + min(self.scene.named, 2)
 
 
-def list_forms(fit: Fitted, asked: Asked, values: Floats) -> Iterator[tuple[str, str, Floats]]:
+def list_forms(fit: FittedExpression, asked: AskedQuantities, values: Floats) -> Iterator[tuple[str, str, Floats]]:
     """Yields an expression as it is, where the question asks for a size without its sign, and where it asks for a
     distance from its start."""
     yield fit.expr, "", values
@@ -228,7 +228,7 @@ def list_forms(fit: Fitted, asked: Asked, values: Floats) -> Iterator[tuple[str,
         yield f"Math.abs({fit.expr} - {start!r})".replace("- -", "+ "), " from the start", np.abs(values - start)
 
 
-def list_windows(name: str, asked: Asked, fit: Fitted) -> Iterator[dict[str, Any]]:
+def list_windows(name: str, asked: AskedQuantities, fit: FittedExpression) -> Iterator[dict[str, Any]]:
     """Yields by what a quantity is measured: levels and bands that the question names, and 0."""
     unit = fit.shown.unit
     named = [(amount, amount.to(unit) if unit else amount.value) for amount in asked.amounts]

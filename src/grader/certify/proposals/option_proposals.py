@@ -8,12 +8,20 @@ from typing import Any
 import numpy as np
 
 from grader.certify.predict_keys import find_matching_select, infer_settings
-from grader.certify.proposals.expressions import Fitted, fit_unit
+from grader.certify.proposals.expressions import FittedExpression, fit_unit
 from grader.certify.proposals.number_proposals import NAMES
 from grader.certify.proposals.proposal import Proposal, write_verify
-from grader.certify.proposals.scenes import LabScene, Shown, read_numbers
+from grader.certify.proposals.scenes import LabScene, ShownExpression, read_numbers
 from grader.certify.proposals.trying import BROKEN, certify_with
-from grader.certify.proposals.wording import Amount, Asked, Way, read_amount, read_question, read_ways, read_words
+from grader.certify.proposals.wording import (
+    Amount,
+    AskedQuantities,
+    Way,
+    read_amount,
+    read_question,
+    read_ways,
+    read_words,
+)
 from grader.domain.pages.markup import plain_text
 from grader.domain.verify import ByOptions, ByOutcome, Setting
 from grader.experiments.quantities import Floats, measure
@@ -79,7 +87,7 @@ def name_option(key: OptionKey, index: int) -> str:
     return f"“{plain_text(key.options[index])}”"
 
 
-def list_candidates(key: OptionKey, asked: Asked, scene: LabScene, text: str) -> Iterator[Candidate]:
+def list_candidates(key: OptionKey, asked: AskedQuantities, scene: LabScene, text: str) -> Iterator[Candidate]:
     """Yields what the options may claim. Raises what `LabScene.run` does."""
     if (select := find_matching_select(key.options, scene.lab)) is not None:
         yield from list_rankings(key, asked, scene, infer_settings(key.options, select))
@@ -102,7 +110,7 @@ def list_candidates(key: OptionKey, asked: Asked, scene: LabScene, text: str) ->
 
 
 def claim_amounts(
-    amounts: Sequence[Amount], asked: Asked, scene: LabScene, shown: Shown, rank: int
+    amounts: Sequence[Amount], asked: AskedQuantities, scene: LabScene, shown: ShownExpression, rank: int
 ) -> Iterator[Candidate]:
     """Yields claims that a quantity is near the number of an option."""
     numbers = [amount.value for amount in amounts]
@@ -127,14 +135,16 @@ def claim_amounts(
         yield Candidate(build_outcome(scene, claims), what, rank + 2 * fitted.is_certain)
 
 
-def claim_number(fitted: Fitted, name: str, number: float, width: float) -> dict[str, Any] | str:
+def claim_number(fitted: FittedExpression, name: str, number: float, width: float) -> dict[str, Any] | str:
     """Returns the claim that a quantity is within `width` of a number."""
     if name == "end":
         return f"Math.abs({fitted.expr} - {write(number)}) <= {write(width)}".replace("- -", "+ ")
     return {"expr": fitted.expr, "when": name, "at_least": cut(number - width), "at_most": cut(number + width)}
 
 
-def claim_ways(ways: Sequence[Way], scene: LabScene, shown: Shown, values: Floats, rank: int) -> Iterator[Candidate]:
+def claim_ways(
+    ways: Sequence[Way], scene: LabScene, shown: ShownExpression, values: Floats, rank: int
+) -> Iterator[Candidate]:
     """Yields claims that a value rises, falls or stays; of two options of which one says that it stays, that it ever
     leaves its start. What changes by about as much as counts is left out."""
     start, end = float(values[0]), float(values[-1])
@@ -160,7 +170,7 @@ def claim_ways(ways: Sequence[Way], scene: LabScene, shown: Shown, values: Float
 
 
 def list_rankings(
-    key: OptionKey, asked: Asked, scene: LabScene, settings: Sequence[Setting | None]
+    key: OptionKey, asked: AskedQuantities, scene: LabScene, settings: Sequence[Setting | None]
 ) -> Iterator[Candidate]:
     """Yields criteria under which the option with the largest, or smallest, value of its run is right, where the
     question asks for that."""

@@ -34,7 +34,7 @@ IN_BRACKETS = re.compile(r"\s*[(\[]([^()\[\]]+)[)\]]\s*$")
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownExpression:
     """An expression that a simulation shows, with its label, and the unit in which the author says it is."""
 
     expr: str
@@ -75,9 +75,9 @@ class LabScene:
             return run_experiment(self.lab, self.xml, seconds=length, keys={}).duration_s
         return length if stop is None else min(length, float(stop))
 
-    def list_shown(self) -> list[Shown]:
+    def list_shown(self) -> list[ShownExpression]:
         """Returns what the readouts and plots show, each expression once."""
-        found: dict[str, Shown] = {}
+        found: dict[str, ShownExpression] = {}
         for readout in self.lab.readouts:
             found.setdefault(readout.expr, read_label(readout.expr, readout.label, readout.unit or ""))
         for plot in self.lab.plots:
@@ -85,7 +85,7 @@ class LabScene:
                 found.setdefault(trace.expr, read_label(trace.expr, trace.label, read_label_unit(plot.ylabel or "")))
         return list(found.values())[:SHOWN_MAX]
 
-    def list_joints(self) -> list[Shown]:
+    def list_joints(self) -> list[ShownExpression]:
         """Returns position and speed of every joint of one degree of freedom."""
         found = []
         single = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
@@ -93,7 +93,10 @@ class LabScene:
             if int(self.model.jnt_type[joint]) in single:
                 name = self.model.joint(joint).name or f"joint {joint}"
                 at, dof = self.model.jnt_qposadr[joint], self.model.jnt_dofadr[joint]
-                found += [Shown(f"data.qpos[{at}]", name), Shown(f"data.qvel[{dof}]", f"speed of {name}")]
+                found += [
+                    ShownExpression(f"data.qpos[{at}]", name),
+                    ShownExpression(f"data.qvel[{dof}]", f"speed of {name}"),
+                ]
         return found[:SHOWN_MAX]
 
     def run(self, exprs: list[str], seconds: float) -> LabRun:
@@ -171,10 +174,10 @@ def write_value(value: OptionValue | None) -> str:
     return json.dumps(list(value) if isinstance(value, tuple) else value)
 
 
-def read_label(expr: str, label: str, unit: str) -> Shown:
+def read_label(expr: str, label: str, unit: str) -> ShownExpression:
     """Returns an expression with its label as plain text, without the unit in brackets at its end."""
     text = plain_text(label)
-    return Shown(expr, IN_BRACKETS.sub("", text) or text, unit or read_label_unit(text))
+    return ShownExpression(expr, IN_BRACKETS.sub("", text) or text, unit or read_label_unit(text))
 
 
 def read_label_unit(label: str) -> str:

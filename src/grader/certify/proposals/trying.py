@@ -7,10 +7,10 @@ from mujoco import FatalError
 from grader.certify import Certificate, certify_key
 from grader.domain.verify import Verify
 from grader.errors import GraderError
-from grader.experiments.regime import Unresolved
+from grader.experiments.regime import RegimeFailure
 from grader.questions import AnswerKey, ModelXml
 
-BROKEN = (GraderError, ValueError, KeyError, FatalError, Unresolved)
+BROKEN = (GraderError, ValueError, KeyError, FatalError, RegimeFailure)
 """What a simulation that cannot be run raises: it gives no candidates."""
 
 

@@ -91,7 +91,7 @@ class Amount:
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedQuantities:
     """What a question asks for: the names of quantities, none where its words name none; the moments [s] that it names,
     and all of its numbers with a unit; and words by which labels are recognised."""
 
@@ -104,7 +104,7 @@ class Asked:
     is_unsigned: bool
 
 
-def read_question(text: str) -> Asked:
+def read_question(text: str) -> AskedQuantities:
     """Returns what the text of a question, HTML, asks for."""
     plain = plain_text(text)
     found = [name for name, words in ASKED.items() if words.search(plain)]
@@ -113,7 +113,7 @@ def read_question(text: str) -> Asked:
         found = extremes or found
     amounts = tuple(list_amounts(plain))
     moments = [value for amount in amounts if (value := amount.to("s")) is not None and value > 0]
-    return Asked(
+    return AskedQuantities(
         tuple(found), tuple(dict.fromkeys(moments)), amounts, read_words(plain), bool(STABLE_STEP.search(plain)),
         bool(FAR.search(plain)), bool(UNSIGNED.search(plain)),
     )  # fmt: skip

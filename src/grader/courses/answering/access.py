@@ -13,7 +13,7 @@ from grader.courses.rules.policy import (
     ROLES_THAT_SEE_ALL,
     UNRESTRICTED,
     Decision,
-    Shown,
+    Visibility,
     before_opening,
     decide,
     decide_without_content,
@@ -143,7 +143,7 @@ def describe_progress_at(
 ) -> dict[str, Any]:
     """One question of `describe_progress`."""
     decision = access.decide(quiz.id, question.id)
-    seen = result if decision.shown >= Shown.FEEDBACK else None
+    seen = result if decision.shown >= Visibility.FEEDBACK else None
     return {
         "attempts_used": access.progress_at(quiz.id, question.id).used, "attempts_left": decision.attempts_left,
         "may_answer": decision.may_answer, "multiplier": decision.multiplier, "due": decision.due,

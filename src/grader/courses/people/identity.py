@@ -130,7 +130,7 @@ def read_presented(authorization: str | None, cookies: Mapping[str, str]) -> tup
     return Kind.SESSION, cookies.get(SECURE_COOKIE) or cookies.get(COOKIE) or ""
 
 
-class Recalled:
+class CredentialCache:
     """Who lately authenticated with which credential, for callers who ask themselves whether it still holds. Only
     hashes of credentials are kept, and for `TOUCH` at most. Not thread-safe: for the event loop."""
 

@@ -81,7 +81,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Regraded:
+class RegradedSubmission:
     """A submission that was graded again. Without an outcome it waits for its first verdict."""
 
     work: Work
@@ -130,27 +130,27 @@ class Regrading:
     def put_back(self, session: Session, subject: str) -> None:
         """Nothing: a lane has no state of its own."""
 
-    def _regraded(self, work: Work, digest: str) -> Regraded:
+    def _regraded(self, work: Work, digest: str) -> RegradedSubmission:
         submission = work.submission
         if submission is None:
-            return Regraded(work, Outcome.UNFIT)
+            return RegradedSubmission(work, Outcome.UNFIT)
         if submission.status not in submissions.AT_REST:
-            return Regraded(work, None)
-        return Regraded(work, Outcome.REVIEWED) if work.reviewed else self._judged(work, submission, digest)
+            return RegradedSubmission(work, None)
+        return RegradedSubmission(work, Outcome.REVIEWED) if work.reviewed else self._judged(work, submission, digest)
 
-    def _judged(self, work: Work, submission: Submission, digest: str) -> Regraded:
+    def _judged(self, work: Work, submission: Submission, digest: str) -> RegradedSubmission:
         try:
             verdict = self.judge(submission, digest)
         except (CallerError, InvalidAnswer):
-            return Regraded(work, Outcome.UNFIT)
+            return RegradedSubmission(work, Outcome.UNFIT)
         except JailFault:
             log.exception("regrading failed", submission=submission.id)
-            return Regraded(work, Outcome.FAULT)
+            return RegradedSubmission(work, Outcome.FAULT)
         if verdict.status is Status.GRADER_FAULT:
-            return Regraded(work, Outcome.FAULT)
-        return Regraded(work, Outcome.SAME if is_same(work.verdict, verdict) else Outcome.CHANGED, verdict)
+            return RegradedSubmission(work, Outcome.FAULT)
+        return RegradedSubmission(work, Outcome.SAME if is_same(work.verdict, verdict) else Outcome.CHANGED, verdict)
 
-    def _store(self, session: Session, piece: Piece, done: list[Regraded]) -> None:
+    def _store(self, session: Session, piece: Piece, done: list[RegradedSubmission]) -> None:
         regrade = regrades.lock(session, piece.regrade.id)
         if regrade.status not in UNFINISHED:
             return
@@ -189,7 +189,7 @@ class _Storing:
     regrade: Regrade
     library: Library
 
-    def settle(self, item: RegradeItem, submission: Submission | None, done: Regraded) -> float:
+    def settle(self, item: RegradeItem, submission: Submission | None, done: RegradedSubmission) -> float:
         """Stores what became of one submission. Returns the pause before it is tried again [s]; 0 if it is not."""
         if item.outcome != WAITING:
             return 0.0
@@ -209,7 +209,7 @@ class _Storing:
         self._change(item, submission, done)
         return 0.0
 
-    def _change(self, item: RegradeItem, submission: Submission, done: Regraded) -> None:
+    def _change(self, item: RegradeItem, submission: Submission, done: RegradedSubmission) -> None:
         assert done.work.verdict is not None
         item.old_status, item.old_points = done.work.verdict["status"], done.work.verdict["points"]
         if done.verdict is not None:

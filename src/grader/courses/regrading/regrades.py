@@ -34,7 +34,7 @@ SCOPES: tuple[Scope, ...] = ("latest", "best", "all")
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RegradeRequest:
     """Which submissions to regrade: of a question or of all questions of a quiz. `scope` takes each learner's latest
     attempt at a question, the best one, or everything that was handed in; or else these submissions."""
 
@@ -44,7 +44,7 @@ class Wanted:
     dry_run: bool
 
 
-def create(database: Database, library: Library, who: Identity, wanted: Wanted) -> Regrade:
+def create(database: Database, library: Library, who: Identity, wanted: RegradeRequest) -> Regrade:
     """Queues a regrade by the content as it is now. Raises NotFound, and Conflict while it has to wait for another."""
     quiz = library.quiz(wanted.quiz)
     if wanted.question is not None:
@@ -69,11 +69,11 @@ def create(database: Database, library: Library, who: Identity, wanted: Wanted) 
     return regrade
 
 
-def restore_wanted(tried: Regrade) -> Wanted:
+def restore_wanted(tried: Regrade) -> RegradeRequest:
     """Says what a dry run has tried, to be applied."""
     scope: Any = json.loads(tried.scope)
     chosen = tuple(scope["submission_ids"]) if isinstance(scope, dict) else scope
-    return Wanted(tried.quiz, tried.question, chosen, dry_run=False)
+    return RegradeRequest(tried.quiz, tried.question, chosen, dry_run=False)
 
 
 def refuse_more(session: Session, regrade: Regrade) -> None:

@@ -45,7 +45,7 @@ class SharedMistake:
 
 
 @dataclass(frozen=True)
-class Stuck:
+class StuckLearner:
     """A learner who gets no further at a question, with the mistake of the last attempts; `attempts` gained nothing."""
 
     learner: str
@@ -57,7 +57,7 @@ class Stuck:
     last: datetime
 
 
-def find_stuck(session: Session, course: str, without: Collection[str]) -> list[Stuck]:
+def find_stuck(session: Session, course: str, without: Collection[str]) -> list[StuckLearner]:
     """Returns the learners of a course who are stuck, those with the most attempts first; not the members `without`.
     What a person marks is left out: there the learner waits, and bears a pseudonym."""
     since = now() - RECENT
@@ -83,7 +83,7 @@ def drop_gains(tries: Sequence[Try]) -> Sequence[Try]:
     return tries[start:]
 
 
-def select_stuck(runs: Iterable[Sequence[Try]], verdicts: Mapping[str, Any]) -> list[Stuck]:
+def select_stuck(runs: Iterable[Sequence[Try]], verdicts: Mapping[str, Any]) -> list[StuckLearner]:
     """Returns the runs whose last `ATTEMPTS_MIN` attempts have one diagnosis, the longest first. Pure."""
     learners = []
     for run in runs:
@@ -91,7 +91,7 @@ def select_stuck(runs: Iterable[Sequence[Try]], verdicts: Mapping[str, Any]) -> 
         if len(diagnoses) == 1 and (diagnosis := diagnoses.pop()):
             newest = run[-1]
             at = (newest.learner, newest.name, newest.quiz, newest.question)
-            learners.append(Stuck(*at, len(run), diagnosis, newest.created_at))
+            learners.append(StuckLearner(*at, len(run), diagnosis, newest.created_at))
     return sorted(learners, key=lambda learner: (-learner.attempts, learner.last, learner.name))
 
 

@@ -24,7 +24,7 @@ from grader.store.tables import Submission
 
 
 @dataclass(frozen=True)
-class Blinded:
+class BlindedVerdicts:
     """Verdicts by submission, without what this reviewer may not see, and pseudonyms in place of names."""
 
     verdicts: Mapping[str, Any]
@@ -34,16 +34,16 @@ class Blinded:
 def hide_names(
     desk: Desk, session: Session, who: Identity, rows: Sequence[Submission], verdicts: Mapping[str, Any], *,
     always: bool = False,
-) -> Blinded:  # fmt: skip
+) -> BlindedVerdicts:  # fmt: skip
     """Says what an instructor may see of submissions whose newest verdicts are given; learners see their own as they
     are. With `always`, answers that a person marks bear their pseudonyms also after the last decision."""
     if not who.is_instructor:
-        return Blinded(verdicts, {})
+        return BlindedVerdicts(verdicts, {})
     held = reviews.find_of_submissions(session, [row.id for row in rows])
     hidden = [one for one, review in held.items() if review.second == WAITING and review.reviewer != who.id]
     earlier = reviews.graders_verdicts(session, hidden) if hidden else {}
     names = list_pseudonyms(desk, session, who, [row for row in rows if is_marked(row, held)], always=always)
-    return Blinded({**verdicts, **earlier}, names)
+    return BlindedVerdicts({**verdicts, **earlier}, names)
 
 
 def is_marked(row: Submission, reviewed: Collection[str]) -> bool:

@@ -47,7 +47,7 @@ class Mistake:
 
 
 @dataclass(frozen=True)
-class Made:
+class LearnerMistake:
     """A learner's mistake: the last attempt that ended in it, by the id of the submission."""
 
     learner: str
@@ -61,8 +61,8 @@ class Family:
     key: str
     name: str
     sentence: str
-    still: tuple[Made, ...]
-    was: tuple[Made, ...]
+    still: tuple[LearnerMistake, ...]
+    was: tuple[LearnerMistake, ...]
 
     @property
     def learners(self) -> int:
@@ -101,8 +101,8 @@ def make_mistake(name: str, sentence: str) -> Mistake:
 def group_mistakes(attempts: Mapping[str, Sequence[tuple[str, Mistake | None]]]) -> list[Family]:
     """Returns the families of a class, those of most learners first. `attempts` are a learner's attempts in the order
     of time: the submission's id, and its mistake."""
-    still: dict[str, list[Made]] = {}
-    was: dict[str, list[Made]] = {}
+    still: dict[str, list[LearnerMistake]] = {}
+    was: dict[str, list[LearnerMistake]] = {}
     sentences: dict[str, Counter[tuple[str, str]]] = {}
     for learner, theirs in attempts.items():
         last = {mistake.key: (submission, mistake) for submission, mistake in theirs if mistake is not None}
@@ -110,7 +110,7 @@ def group_mistakes(attempts: Mapping[str, Sequence[tuple[str, Mistake | None]]])
         for key, (submission, mistake) in last.items():
             sentences.setdefault(key, Counter())[mistake.name, mistake.sentence] += 1
             place = still if newest is not None and newest.key == key else was
-            place.setdefault(key, []).append(Made(learner, submission))
+            place.setdefault(key, []).append(LearnerMistake(learner, submission))
     families = [
         Family(key, *counted.most_common(1)[0][0], tuple(still.get(key, ())), tuple(was.get(key, ())))
         for key, counted in sentences.items()

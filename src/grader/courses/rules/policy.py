@@ -43,7 +43,7 @@ REVEAL: Reveal = "size"
 """What the feedback gives away where the author says nothing."""
 
 
-class Shown(IntEnum):
+class Visibility(IntEnum):
     """What a learner sees of their attempts at one question; each level includes the ones below it.
 
     - `RECEIPT`: what was understood of the answer, its own output, and statuses that say nothing about correctness;
@@ -86,7 +86,7 @@ class Decision:
     why_not: str | None
     attempts_left: int | None
     multiplier: float | None
-    shown: Shown
+    shown: Visibility
     withheld: str | None
     due: datetime | None
     closes: datetime | None
@@ -106,7 +106,7 @@ class Decision:
 
 
 @dataclass(frozen=True)
-class Counted:
+class CountedPoints:
     """The points that count, the attempts that they come from, and whether they can still change by grading. `is_final`
     is false while an attempt has no verdict, or the newest one waits for a reviewer; where the policy takes the
     average, any one. `is_late` says whether any of the sources was handed in after the learner's due date."""
@@ -164,15 +164,15 @@ def decide(
     closed = closes is not None and now > closes
     withheld = explain_withholding(policy, closes, closed, published_at, now)
     if withheld:
-        shown = Shown.RECEIPT
+        shown = Visibility.RECEIPT
     else:
-        shown = Shown.SOLUTION if solution_is_open(policy, progress, left, closed) else Shown.FEEDBACK
+        shown = Visibility.SOLUTION if solution_is_open(policy, progress, left, closed) else Visibility.FEEDBACK
     multiplier = None if why_not else late_multiplier(policy, extension, now)
     why_no_lab = withheld if progress.used else UNANSWERED
     return Decision(why_not, left, multiplier, shown, withheld, due, closes, why_no_lab, question)
 
 
-UNRESTRICTED = Decision(None, None, 1.0, Shown.SOLUTION, None, None, None, None, sees_all=True)
+UNRESTRICTED = Decision(None, None, 1.0, Visibility.SOLUTION, None, None, None, None, sees_all=True)
 """For instructors and services."""
 
 
@@ -181,19 +181,19 @@ def decide_without_content(role: str) -> Decision:
     if role in ROLES_THAT_SEE_ALL:
         return UNRESTRICTED
     gone = "This question is not part of the course at present."
-    return Decision(gone, None, None, Shown.RECEIPT, gone, None, None, gone)
+    return Decision(gone, None, None, Visibility.RECEIPT, gone, None, None, gone)
 
 
-def count_points(attempts: Sequence[Attempt], policy: Policy, extension: Extension | None) -> Counted:
+def count_points(attempts: Sequence[Attempt], policy: Policy, extension: Extension | None) -> CountedPoints:
     """The points that count, to 9 digits, late multipliers included; `attempts` in the order of handing in. A learner
-    may see them from `Shown.FEEDBACK` on. Only attempts that used one and have a verdict count. Among equally good ones
-    the first is the best. A taken answer keeps counting, also where `due` is moved to an earlier date."""
+    may see them from `Visibility.FEEDBACK` on. Only attempts that used one and have a verdict count. Among equally good
+    ones the first is the best. A taken answer keeps counting, also where `due` is moved to an earlier date."""
     used = [attempt for attempt in attempts if attempt.uses_attempt]
     decided = [attempt for attempt in used if attempt.status is not None]
     waiting = used if policy.counts == "average" else used[-1:]
     is_final = len(decided) == len(used) and all(attempt.status is not Status.NEEDS_REVIEW for attempt in waiting)
     if not decided:
-        return Counted(0.0, (), is_final)
+        return CountedPoints(0.0, (), is_final)
     extension = extension or NO_EXTENSION
     points = [attempt.points * late_multiplier(policy, extension, attempt.at) for attempt in decided]
     if policy.counts == "average":
@@ -203,7 +203,7 @@ def count_points(attempts: Sequence[Attempt], policy: Policy, extension: Extensi
         total, sources = points[index], [decided[index]]
     due = find_due(policy, extension)
     is_late = due is not None and any(source.at > due for source in sources)
-    return Counted(round(total, POINT_DIGITS), tuple(sources), is_final, is_late)
+    return CountedPoints(round(total, POINT_DIGITS), tuple(sources), is_final, is_late)
 
 
 def late_multiplier(policy: Policy, extension: Extension, at: datetime) -> float:
@@ -290,10 +290,10 @@ def redact_json(verdict: Any | None, decision: Decision) -> Any | None:
     at each level. It is the only way to a learner. Before the feedback the status is `needs_review` and the diagnosis
     says when it comes, except where the grader's status says nothing about correctness. A review does not show."""
     whole = verdict.model_dump(mode="json") if isinstance(verdict, Verdict) else verdict
-    if whole is None or decision.shown is Shown.SOLUTION:
+    if whole is None or decision.shown is Visibility.SOLUTION:
         return whole
     whole = NOTHING_SEEN | whole  # an older one lacks fields
-    if decision.shown is Shown.FEEDBACK:
+    if decision.shown is Visibility.FEEDBACK:
         return reveal_json(whole, decision.reveal)
     times = {name: ms for name, ms in whole["timing_ms"].items() if name in RECEIPT_TIMES}
     seen = NOTHING_SEEN | choose(whole, RECEIPT_FIELDS) | {"findings": [], "evidence": {}, "timing_ms": times}

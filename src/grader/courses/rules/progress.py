@@ -15,7 +15,7 @@ COMPARED = frozenset({Status.CORRECT, Status.PARTIAL, Status.INCORRECT, Status.C
 
 
 @dataclass(frozen=True)
-class Compared:
+class ComparedAttempt:
     """An attempt's number, and its verdict as the learner may see it."""
 
     attempt: int
@@ -37,7 +37,7 @@ class Compared:
         return frozenset(finding["id"] for finding in self.verdict.get("findings") or () if finding.get("passed"))
 
 
-def describe_progress(earlier: Sequence[Compared], now: Compared) -> str:
+def describe_progress(earlier: Sequence[ComparedAttempt], now: ComparedAttempt) -> str:
     """Returns a sentence on an attempt beside earlier ones, in their order; empty where there is nothing to say. It is
     made of what the learner may see of the verdicts alone."""
     before = [
@@ -61,7 +61,7 @@ def describe_progress(earlier: Sequence[Compared], now: Compared) -> str:
     return ""
 
 
-def describe_repetition(before: Sequence[Compared], same: int) -> str:
+def describe_repetition(before: Sequence[ComparedAttempt], same: int) -> str:
     """Returns the sentence of a mistake that an earlier attempt had already, and of where it was gone."""
     repeated, between = before[same], before[same + 1 :]
     if not between:
@@ -74,6 +74,6 @@ def describe_repetition(before: Sequence[Compared], same: int) -> str:
     )
 
 
-def format_points(more: Compared, less: Compared) -> str:
+def format_points(more: ComparedAttempt, less: ComparedAttempt) -> str:
     """Returns the points of two attempts."""
     return f"{more.points:.3g} points in place of {less.points:.3g}"

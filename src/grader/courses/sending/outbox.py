@@ -12,7 +12,7 @@ from grader.errors import Conflict, NotFound
 from grader.queue import jobs
 from grader.store import outbox
 from grader.store.engine.database import Database
-from grader.store.outbox import ALL, DEAD, Delivery, Noted
+from grader.store.outbox import ALL, DEAD, Delivery, NotedRow
 from grader.store.results import LearnerAt
 
 REPLAY_MAX = 1000
@@ -25,7 +25,7 @@ def note(session: Session, changed: Collection[LearnerAt], only: str = ALL, kind
     queue(session, [row for row in outbox.note(session, changed, only, kind) if not row.has_job])
 
 
-def queue(session: Session, rows: Sequence[Noted]) -> None:
+def queue(session: Session, rows: Sequence[NotedRow]) -> None:
     """Gives rows their jobs. Destinations take turns with each other."""
     if not rows:
         return
@@ -100,4 +100,4 @@ def revive(session: Session, rows: Sequence[Delivery]) -> None:
             raise Conflict("This webhook is disabled: enable it first.")
         row.state, row.attempts, row.error, row.next_at, row.forced = outbox.WAITING, 0, None, None, True
     session.flush()
-    queue(session, [Noted(row.id, row.destination, row.has_job) for row in rows if not row.has_job])
+    queue(session, [NotedRow(row.id, row.destination, row.has_job) for row in rows if not row.has_job])

@@ -28,7 +28,7 @@ class Run(BaseModel):
     ended: str = ""
 
 
-class Kept(BaseModel):
+class CaseRuns(BaseModel):
     """The runs of one case, as the evidence has them."""
 
     case: str
@@ -38,7 +38,7 @@ class Kept(BaseModel):
 class Films(BaseModel):
     """The cases with a film, as the evidence has them."""
 
-    cases: list[Kept]
+    cases: list[CaseRuns]
 
 
 def choose_episode(outcome: Outcome) -> int:
@@ -97,7 +97,7 @@ def record_films(trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any]) 
     return [film for film in films if film is not None]
 
 
-def build_film(problem: Problem, kept: Kept) -> Film | None:
+def build_film(problem: Problem, kept: CaseRuns) -> Film | None:
     """Returns the film of a case; None where its runs are of another model."""
     if kept.runs[0].episode >= len(problem.episodes):
         return None

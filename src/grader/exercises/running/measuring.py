@@ -36,7 +36,7 @@ def limit_cpu(run: Run, most_s: float = CPU_S_MAX) -> Run:
 
 
 @dataclass(frozen=True)
-class Unmeasured:
+class MeasuringFailure:
     """How a measuring program ended that did not return, and why: in words without numbers of the case, and with."""
 
     status: Status
@@ -44,7 +44,7 @@ class Unmeasured:
     detail: str
 
 
-def measure(measurement: Measurement, trial: Trial[Any], results: Results, run: Run) -> Results | Unmeasured:
+def measure(measurement: Measurement, trial: Trial[Any], results: Results, run: Run) -> Results | MeasuringFailure:
     """Returns what the measuring program submits. The program is the kind's, so whatever ends it is what the script
     made. Raises JailFault."""
     encoded = {
@@ -57,7 +57,7 @@ def measure(measurement: Measurement, trial: Trial[Any], results: Results, run: 
     if report.status is RunStatus.RETURNED:
         return report.results
     detail = report.reason if report.status is RunStatus.CRASHED else ""
-    return Unmeasured(Status(report.status.value), explain_end(report.status, measurement), detail)
+    return MeasuringFailure(Status(report.status.value), explain_end(report.status, measurement), detail)
 
 
 def explain_end(status: RunStatus, measurement: Measurement) -> str:

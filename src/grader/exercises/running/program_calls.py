@@ -69,7 +69,7 @@ class Shelf(Protocol):
         """Keeps a result, if that is possible."""
 
 
-class Kept:
+class AnswerCache:
     """Answers of calls, the newest KEPT_BYTES_MAX of them."""
 
     def __init__(self) -> None:
@@ -98,7 +98,7 @@ class ProgramCalls:
     def __init__(self) -> None:
         self.run: Callable[[Job], RunReport] = refuse_job
         self.shelf: Shelf | None = None
-        self._kept, self._callers, self._lock = Kept(), OrderedDict[tuple[str, str], Caller](), Lock()
+        self._kept, self._callers, self._lock = AnswerCache(), OrderedDict[tuple[str, str], Caller](), Lock()
         self._refused: Callable[[Job], RunReport] | None = None
 
     def make(self, call: ProgramCall, *, is_fixed: bool) -> Any:

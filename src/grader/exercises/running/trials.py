@@ -13,7 +13,7 @@ from grader.domain.verdict import Status
 from grader.exercises.crashes import explain_error
 from grader.exercises.driving.playing import Played
 from grader.exercises.judgement import Judgement, Results
-from grader.exercises.running.measuring import Run, Unmeasured, measure
+from grader.exercises.running.measuring import MeasuringFailure, Run, measure
 from grader.exercises.running.planning import AnyKind, AnyTrial, Plan
 from grader.exercises.trace import is_line
 
@@ -42,7 +42,7 @@ def judge_trial(
         return raised, Status.CRASHED
     if kind.measurement is not None:
         measured = measure(kind.measurement, trial, results, run)
-        if isinstance(measured, Unmeasured):
+        if isinstance(measured, MeasuringFailure):
             return Judgement(False, measured.why, None, measured.detail), measured.status
         results = measured
     judgement = require_judgement(kind.judge(plan.parameters, trial, results))

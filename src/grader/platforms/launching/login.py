@@ -36,7 +36,7 @@ class Login:
 
 
 @dataclass(frozen=True)
-class Answered:
+class AnsweredLogin:
     """A login that its own browser came back to: it is used up. The launch must bear `nonce`."""
 
     platform: Platform
@@ -44,7 +44,7 @@ class Answered:
 
 
 @dataclass(frozen=True)
-class Unbound:
+class UnboundLogin:
     """A login whose browser did not prove itself. It stays valid. `fields` begin it again; `storage` names the
     platform's frame that may still hold the key."""
 
@@ -97,7 +97,7 @@ def find_platform(session: Session, fields: Mapping[str, str]) -> Platform:
     return platforms.read_platform(found[0])
 
 
-def answer(session: Session, state: str, key: str) -> Answered | Unbound:
+def answer(session: Session, state: str, key: str) -> AnsweredLogin | UnboundLogin:
     """The login of a state, used up if the browser's key is right. Raises Unauthorized if it is unknown or used."""
     body = tickets.peek(session, PURPOSE, state)
     row = None if body is None else platforms.get(session, body["platform"])
@@ -106,10 +106,10 @@ def answer(session: Session, state: str, key: str) -> Answered | Unbound:
     if not hmac.compare_digest(body["key"], tickets.hash_secret(key)):
         fields: dict[str, str] = body["fields"]
         again = {name: value for name, value in fields.items() if name != STORAGE}
-        return Unbound(platforms.read_platform(row), again, fields.get(STORAGE, ""))
+        return UnboundLogin(platforms.read_platform(row), again, fields.get(STORAGE, ""))
     if tickets.take(session, PURPOSE, state) is None:
         raise Unauthorized("This launch was used already. Start it again from your learning platform.")
-    return Answered(platforms.read_platform(row), body["nonce"])
+    return AnsweredLogin(platforms.read_platform(row), body["nonce"])
 
 
 def make_name(state: str) -> str:

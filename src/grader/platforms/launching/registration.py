@@ -27,7 +27,7 @@ CREATED = (200, 201)
 
 
 @dataclass(frozen=True)
-class Registered:
+class RegistrationReply:
     """What a platform answered: its registration, and its first deployment if it named one."""
 
     registration: Registration
@@ -62,7 +62,7 @@ def tool_configuration(origin: str) -> dict[str, Any]:
     }
 
 
-async def register(requester: Requester, configuration_url: str, token: str, origin: str) -> Registered:
+async def register(requester: Requester, configuration_url: str, token: str, origin: str) -> RegistrationReply:
     """Fetches a platform's configuration, and registers this tool there. Raises Unprocessable."""
     if not is_of_platform(configuration_url) or len(token) > TOKEN_CHARACTERS_MAX or not token.isprintable():
         raise Unprocessable("The address of the platform's configuration cannot be used.")
@@ -79,7 +79,7 @@ async def register(requester: Requester, configuration_url: str, token: str, ori
         raise Unprocessable("The platform gave no client_id.")
     deployment = tool.get("deployment_id") if isinstance(tool, dict) else None
     known = Registration(**{**vars(registration), "client_id": client_id})
-    return Registered(known, deployment if isinstance(deployment, str) else None)
+    return RegistrationReply(known, deployment if isinstance(deployment, str) else None)
 
 
 def read_configuration(configuration: Mapping[str, Any], url: str) -> Registration:

@@ -11,7 +11,7 @@ import structlog
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from grader.platforms.sending.replies import Again, Dead, Gone, Held, Later, Reply, Sent, Unneeded
+from grader.platforms.sending.replies import Again, DeadLetter, Gone, HeldReply, Later, Reply, SentReply, UnneededReply
 from grader.queue import jobs
 from grader.queue.worker import JobOutcome
 from grader.store import outbox
@@ -43,7 +43,7 @@ class Sender(Protocol):
 
 
 @dataclass(frozen=True)
-class Started:
+class StartedDelivery:
     """A row whose delivery is in progress; `version` is the change that it delivers."""
 
     row_id: int
@@ -60,7 +60,7 @@ class Delivering:
     pauses_s: tuple[float, ...] = PAUSES_S
     clock: Callable[[], datetime] = now
 
-    def start(self, session: Session, subject: str) -> Started | None:
+    def start(self, session: Session, subject: str) -> StartedDelivery | None:
         """Prepares what is sent, unless the row waits no more."""
         row = outbox.lock(session, int(subject))
         if row is None:
@@ -72,10 +72,10 @@ class Delivering:
         row.state = WAITING
         sender = self.senders.get(destination.kind)
         if sender is None:  # another process may have one
-            return Started(row.id, row.version, None, Later(NO_SENDER_S))
-        return Started(row.id, row.version, sender, prepare_row(sender, session, row, destination))
+            return StartedDelivery(row.id, row.version, None, Later(NO_SENDER_S))
+        return StartedDelivery(row.id, row.version, sender, prepare_row(sender, session, row, destination))
 
-    def run(self, started: Started) -> JobOutcome:
+    def run(self, started: StartedDelivery) -> JobOutcome:
         """Sends it."""
         if isinstance(started.prepared, Reply):
             reply = started.prepared
@@ -84,19 +84,19 @@ class Delivering:
             reply = asyncio.run(started.sender.send(started.prepared))
         return JobOutcome(lambda session: self._store(session, started, reply))
 
-    def give_up(self, started: Started) -> JobOutcome:
+    def give_up(self, started: StartedDelivery) -> JobOutcome:
         """Goes on by the schedule of deliveries: a fault of ours loses none."""
         return JobOutcome(lambda session: self._store(session, started, Again(OUR_FAULT)))
 
     def put_back(self, _session: Session, _subject: str) -> None:
         """Nothing: the row waits anyway."""
 
-    def _store(self, session: Session, started: Started, reply: Reply) -> None:
+    def _store(self, session: Session, started: StartedDelivery, reply: Reply) -> None:
         row = outbox.lock(session, started.row_id)
         if row is None:
             return
         row.has_job = False
-        if isinstance(reply, Sent):
+        if isinstance(reply, SentReply):
             row.sent_at, row.sent, row.tried, row.forced = self.clock(), reply.score, None, False
         if row.state != WAITING:
             return  # its webhook was disabled meanwhile
@@ -110,9 +110,9 @@ class Delivering:
 
     def _settle(self, session: Session, row: Delivery, reply: Reply) -> None:
         match reply:
-            case Sent() | Unneeded():
+            case SentReply() | UnneededReply():
                 row.state, row.attempts, row.error, row.next_at = SENT, 0, None, None
-            case Held(after_s):
+            case HeldReply(after_s):
                 row.state, row.next_at = HELD, None
                 if after_s is not None:
                     self._again(session, row, after_s)
@@ -120,7 +120,7 @@ class Delivering:
                 self._again(session, row, after_s)
             case Gone(why):
                 outbox.disable(session, row.destination, why)
-            case Dead(why) | Again(why):
+            case DeadLetter(why) | Again(why):
                 row.state, row.error, row.next_at, row.forced = DEAD, why, None, False
                 log.warning("a delivery is a dead letter", delivery=row.id, destination=row.destination)
 

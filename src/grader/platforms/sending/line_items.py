@@ -13,7 +13,7 @@ from urllib.parse import parse_qsl, urlencode, urljoin, urlsplit
 from grader.domain.platform import ScoreTarget
 from grader.platforms.sending.access_tokens import AccessTokens
 from grader.platforms.sending.outgoing import Response, Unreachable
-from grader.platforms.sending.replies import Dead, Failed, Later
+from grader.platforms.sending.replies import DeadLetter, DeliveryFailure, Later
 from grader.store import line_items
 from grader.store.engine.database import Database
 from grader.store.line_items import Place
@@ -73,18 +73,21 @@ class LineItems:
         return Place(target.line_items_url, target.resource_id)
 
     async def url_of(self, target: ScoreTarget, label: str, maximum: float) -> str:
-        """Returns the URL of the target's line item. Raises Failed, CallFailed, NoToken, RefusedURL, Unreachable."""
+        """Returns the URL of the target's line item. Raises DeliveryFailure, CallFailed, NoToken, RefusedURL and
+        Unreachable."""
         if target.line_item_url:
             return target.line_item_url
         if not target.line_items_url or not {LINE_ITEM, READ_LINE_ITEM} & {*target.scopes}:
-            raise Failed(Dead("The platform offers no line item here: it has granted no access to its gradebook."))
+            raise DeliveryFailure(
+                DeadLetter("The platform offers no line item here: it has granted no access to its gradebook.")
+            )
         place = self.place_of(target)
         with self.database.write() as session:
             known = line_items.lease(session, place, self.lease)
         if known.url is not None:
             return known.url
         if not known.is_ours:
-            raise Failed(Later(BUSY_S))
+            raise DeliveryFailure(Later(BUSY_S))
         url = None
         try:
             url = await self._found(target) or await self._created(target, label, maximum)
@@ -114,7 +117,7 @@ class LineItems:
 
     async def _created(self, target: ScoreTarget, label: str, maximum: float) -> str:
         if LINE_ITEM not in target.scopes:
-            raise Failed(Dead("The platform has no line item for this, and lets us create none."))
+            raise DeliveryFailure(DeadLetter("The platform has no line item for this, and lets us create none."))
         item: dict[str, Any] = {"label": label, "scoreMaximum": maximum, "resourceId": target.resource_id}
         if target.resource_link_id:
             item["resourceLinkId"] = target.resource_link_id

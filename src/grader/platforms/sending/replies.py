@@ -10,19 +10,19 @@ RETRY_MAX_S = 86_400.0
 
 
 @dataclass(frozen=True)
-class Sent:
+class SentReply:
     """The receiver has it. `score` is what a platform has now, as JSON; None for a webhook."""
 
     score: str | None = None
 
 
 @dataclass(frozen=True)
-class Unneeded:
+class UnneededReply:
     """Nothing is to be sent for the result as it is."""
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldReply:
     """The learner may not see the feedback yet; `for_s` is when to look again [s], None if an instructor decides."""
 
     for_s: float | None
@@ -44,7 +44,7 @@ class Again:
 
 
 @dataclass(frozen=True)
-class Dead:
+class DeadLetter:
     """It failed for good: a dead letter."""
 
     why: str
@@ -57,10 +57,10 @@ class Gone:
     why: str
 
 
-Reply = Sent | Unneeded | Held | Later | Again | Dead | Gone
+Reply = SentReply | UnneededReply | HeldReply | Later | Again | DeadLetter | Gone
 
 
-class Failed(Exception):
+class DeliveryFailure(Exception):
     """Carries a reply out of the middle of a delivery."""
 
     def __init__(self, reply: Reply) -> None:

@@ -18,14 +18,24 @@ from sqlalchemy.orm import Session
 
 from grader.courses.answering.access import LearnerAccess, read_access
 from grader.courses.people.identity import Identity, Role
-from grader.courses.rules.policy import Shown
+from grader.courses.rules.policy import Visibility
 from grader.domain.addresses import RefusedURL
 from grader.domain.platform import ScoreTarget
 from grader.library import Library
 from grader.platforms.sending.access_tokens import AccessTokens, NoToken
 from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, LineItems, add_path, choose_scopes
 from grader.platforms.sending.outgoing import Response, Unreachable
-from grader.platforms.sending.replies import Again, Dead, Failed, Held, Later, Reply, Sent, Unneeded, retry_after_s
+from grader.platforms.sending.replies import (
+    Again,
+    DeadLetter,
+    DeliveryFailure,
+    HeldReply,
+    Later,
+    Reply,
+    SentReply,
+    UnneededReply,
+    retry_after_s,
+)
 from grader.platforms.sending.score import PlatformResult, Score, compute_score
 from grader.store import results
 from grader.store.outbox import Delivery, Destination
@@ -54,7 +64,7 @@ FindTarget = Callable[[Session, str, str, str, str], ScoreTarget | None]
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedScore:
     """A score on its way. `known` are our own scores that the platform may show; `is_first` if it has taken none.
     `is_contested` if another score of ours may still arrive and replace the one that the platform shows."""
 
@@ -83,7 +93,7 @@ class Scores:
     line_items: LineItems
     clock: Callable[[], datetime] = now
 
-    def prepare(self, session: Session, row: Delivery, _destination: Destination) -> Prepared | Reply:
+    def prepare(self, session: Session, row: Delivery, _destination: Destination) -> PreparedScore | Reply:
         """Computes the score as it is now, and stores that it is tried: a later try may have to know."""
         library = self.current_library(session, row.course, row.quiz)
         theirs = results.find_of_learner(session, row.course, row.learner, row.quiz)
@@ -94,16 +104,16 @@ class Scores:
         sent = None if row.sent is None else Score.from_json(row.sent)
         tried = [Score.from_json(item) for item in json.loads(row.tried or "[]")]
         if score is None or is_no_student(session, row) or not is_news(score, sent, tried, forced=row.forced):
-            return Unneeded()
+            return UnneededReply()
         asked = [row.question] if row.question else [*theirs]
         access = read_access(session, library, Identity(row.learner, "", Role.STUDENT, row.course))
         if (held := is_withheld(access, row.quiz, asked, self.clock())) is not None:
             return held
         target = self.score_target(session, row.course, row.learner, row.quiz, row.question)
         if target is None:
-            return Unneeded()
+            return UnneededReply()
         if SCORE not in target.scopes:
-            return Dead("The platform lets us send no scores: the launch did not grant the scope.")
+            return DeadLetter("The platform lets us send no scores: the launch did not grant the scope.")
         timestamp = self.clock().astimezone(UTC).replace(microsecond=0)
         if row.timestamp is not None and timestamp < row.timestamp + SECOND:
             return Later((row.timestamp + SECOND - self.clock()).total_seconds())
@@ -114,9 +124,9 @@ class Scores:
         title = row.quiz if quiz is None else quiz.title
         label = f"{title}: {row.question}" if row.question else title
         contested = is_contested(score, sent, tried)
-        return Prepared(target, score, label, timestamp, known, sent is None, contested, row.forced)
+        return PreparedScore(target, score, label, timestamp, known, sent is None, contested, row.forced)
 
-    async def send(self, prepared: Prepared) -> Reply:
+    async def send(self, prepared: PreparedScore) -> Reply:
         """Sends a score, if the platform has none of a person's."""
         try:
             url = await self.line_items.url_of(prepared.target, prepared.label, prepared.score.maximum)
@@ -124,24 +134,24 @@ class Scores:
             if result is not None and (reply := before(prepared, result)) is not None:
                 return reply
             return await self._post(prepared, url)
-        except (Failed, CallFailed, NoToken, RefusedURL, Unreachable) as failed:
+        except (DeliveryFailure, CallFailed, NoToken, RefusedURL, Unreachable) as failed:
             return self._reply_after(failed)
 
     def _reply_after(self, failed: Exception) -> Reply:
         match failed:
-            case Failed():
+            case DeliveryFailure():
                 return failed.reply
             case CallFailed():
                 return self.reply_to(failed.response)
             case NoToken():
                 reply = self.reply_to(failed.response)
-                return Dead(str(failed)) if isinstance(reply, Dead) else reply
+                return DeadLetter(str(failed)) if isinstance(reply, DeadLetter) else reply
             case RefusedURL():
-                return Dead(f"The platform's address is not allowed: {failed}")
+                return DeadLetter(f"The platform's address is not allowed: {failed}")
             case _:
                 return Again(str(failed))
 
-    async def _result(self, prepared: Prepared, url: str) -> PlatformResult | None:
+    async def _result(self, prepared: PreparedScore, url: str) -> PlatformResult | None:
         """Says what the platform shows now; None if it does not let us read it."""
         target = prepared.target
         if READ_RESULT not in target.scopes:
@@ -149,17 +159,17 @@ class Scores:
         asked = add_path(url, "results", user_id=target.lti_user_id)
         response = await self._call(target, "GET", asked, {"Accept": MEDIA_RESULTS})
         if response.status == HTTPStatus.NOT_FOUND:
-            raise Failed(self._gone(target, response))
+            raise DeliveryFailure(self._gone(target, response))
         if response.status != HTTPStatus.OK:
             raise CallFailed(response)
         return PlatformResult.of(response.json() if response.body else [], target.lti_user_id)
 
-    async def _post(self, prepared: Prepared, url: str) -> Reply:
+    async def _post(self, prepared: PreparedScore, url: str) -> Reply:
         target, score = prepared.target, prepared.score
         body = score.body(target.lti_user_id, prepared.timestamp, clears_comment=prepared.clears_comment)
         response = await self._call(target, "POST", add_path(url, "scores"), {"Content-Type": MEDIA_SCORE}, body)
         if HTTPStatus.OK <= response.status < HTTPStatus.MULTIPLE_CHOICES:
-            return Sent(score.to_json())
+            return SentReply(score.to_json())
         if response.status == HTTPStatus.NOT_FOUND:
             return self._gone(target, response)
         if response.status in (HTTPStatus.CONFLICT, HTTPStatus.BAD_REQUEST):
@@ -176,7 +186,7 @@ class Scores:
         """Returns a line item that we found ourselves is looked up anew at the next try, which a person decides on."""
         if not target.line_item_url:
             self.line_items.forget(target)
-        return Dead(f"The platform has no such line item or learner: 404 {response.text}".strip())
+        return DeadLetter(f"The platform has no such line item or learner: 404 {response.text}".strip())
 
     def reply_to(self, response: Response) -> Reply:
         """Says whether another try may help after an answer that is no success."""
@@ -184,7 +194,7 @@ class Scores:
         is_redirection = HTTPStatus.MULTIPLE_CHOICES <= status < HTTPStatus.BAD_REQUEST
         if status in RETRIED or status >= HTTPStatus.INTERNAL_SERVER_ERROR or is_redirection:
             return Again(text, retry_after_s(response.headers, self.clock()))
-        return Dead(text)
+        return DeadLetter(text)
 
 
 def is_news(score: Score, sent: Score | None, tried: Sequence[Score], *, forced: bool) -> bool:
@@ -207,28 +217,28 @@ def is_contested(score: Score, sent: Score | None, tried: Sequence[Score]) -> bo
     return was_sent or len(tried) >= TRIED_MAX or not any(same) or not all(same[same.index(True) :])
 
 
-def before(prepared: Prepared, result: PlatformResult) -> Reply | None:
+def before(prepared: PreparedScore, result: PlatformResult) -> Reply | None:
     """Returns the reply without sending, from what the platform shows; None if the score is to be sent."""
     if is_settled(prepared, result):
-        return Sent(prepared.score.to_json())
-    return Dead(explain_overridden(result)) if is_a_persons(prepared, result) and not prepared.forced else None
+        return SentReply(prepared.score.to_json())
+    return DeadLetter(explain_overridden(result)) if is_a_persons(prepared, result) and not prepared.forced else None
 
 
-def after_refusal(prepared: Prepared, result: PlatformResult | None, response: Response) -> Reply:
+def after_refusal(prepared: PreparedScore, result: PlatformResult | None, response: Response) -> Reply:
     """Returns the reply to a 400 or 409, which may say that the platform has something newer."""
     refusal = f"The platform answered {response.status} {response.text}".strip()
     if result is None:
-        return Dead(f"{refusal} (what it has may not be read)")
+        return DeadLetter(f"{refusal} (what it has may not be read)")
     if is_settled(prepared, result):
-        return Sent(prepared.score.to_json())
+        return SentReply(prepared.score.to_json())
     if is_a_persons(prepared, result):
-        return Dead(explain_overridden(result))
+        return DeadLetter(explain_overridden(result))
     # Nothing newer is there: the platform's clock is ahead of ours, and a later timestamp will do.
     is_stale = result.score is not None or response.status == HTTPStatus.CONFLICT
-    return Again(refusal) if is_stale else Dead(refusal)
+    return Again(refusal) if is_stale else DeadLetter(refusal)
 
 
-def is_settled(prepared: Prepared, result: PlatformResult) -> bool:
+def is_settled(prepared: PreparedScore, result: PlatformResult) -> bool:
     """Whether the platform has the final score already, for good, with its comment: it is no pending one of the same
     points, and none with another comment, either."""
     score = prepared.score
@@ -239,7 +249,7 @@ def is_settled(prepared: Prepared, result: PlatformResult) -> bool:
     return has_comment and all(known.is_final and known.comment == score.comment for known in alike)
 
 
-def is_a_persons(prepared: Prepared, result: PlatformResult) -> bool:
+def is_a_persons(prepared: PreparedScore, result: PlatformResult) -> bool:
     """Says whether a person has entered what the platform shows. A score of zero before our first one counts as none:
     platforms enter it by themselves when an answer is late."""
     ours = [prepared.score, *prepared.known]
@@ -259,12 +269,14 @@ def is_no_student(session: Session, row: Delivery) -> bool:
     return member is None or member.role != Role.STUDENT
 
 
-def is_withheld(access: LearnerAccess, quiz: str, questions: Sequence[str], clock: datetime) -> Held | None:
+def is_withheld(access: LearnerAccess, quiz: str, questions: Sequence[str], clock: datetime) -> HeldReply | None:
     """Whether the learner may not see yet how one of the questions was graded: then the platform does not show it."""
     closed = [
-        decision for decision in (access.decide(quiz, name) for name in questions) if decision.shown < Shown.FEEDBACK
+        decision
+        for decision in (access.decide(quiz, name) for name in questions)
+        if decision.shown < Visibility.FEEDBACK
     ]
     if not closed:
         return None
     closes = [decision.closes for decision in closed if decision.closes is not None and decision.closes > clock]
-    return Held((max(closes) - clock).total_seconds() + 1.0 if len(closes) == len(closed) else None)
+    return HeldReply((max(closes) - clock).total_seconds() + 1.0 if len(closes) == len(closed) else None)

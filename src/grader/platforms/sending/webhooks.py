@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from grader.domain.addresses import RefusedURL
 from grader.platforms.sending.outgoing import Outgoing, Unreachable
-from grader.platforms.sending.replies import Again, Dead, Gone, Reply, Sent, Unneeded, retry_after_s
+from grader.platforms.sending.replies import Again, DeadLetter, Gone, Reply, SentReply, UnneededReply, retry_after_s
 from grader.store import results
 from grader.store.outbox import Delivery, Destination
 from grader.store.results import LearnerAt
@@ -27,7 +27,7 @@ SECRET_PREFIX = "whsec_"  # noqa: S105
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedMessage:
     """A message on its way; it is signed with each of `secrets`."""
 
     url: str
@@ -43,28 +43,28 @@ class Webhooks:
     outgoing: Outgoing
     clock: Callable[[], datetime] = now
 
-    def prepare(self, session: Session, row: Delivery, destination: Destination) -> Prepared | Reply:
+    def prepare(self, session: Session, row: Delivery, destination: Destination) -> PreparedMessage | Reply:
         """Makes the message of a row: the same for every try, until the result changes again."""
         result = results.find(session, LearnerAt(row.course, row.learner, row.quiz, row.question))
         if result is None or destination.url is None or destination.secret is None:
-            return Unneeded()
+            return UnneededReply()
         secrets = [destination.secret]
         if destination.old_secret is not None and destination.old_until is not None:
             secrets += [destination.old_secret] if self.clock() < destination.old_until else []
-        return Prepared(destination.url, f"msg_{row.id}_{row.version}", build_message(row, result), secrets)
+        return PreparedMessage(destination.url, f"msg_{row.id}_{row.version}", build_message(row, result), secrets)
 
-    async def send(self, prepared: Prepared) -> Reply:
+    async def send(self, prepared: PreparedMessage) -> Reply:
         """Sends a message. Any success is one; 410 ends the webhook; all else is tried again."""
         try:
             response = await self.outgoing.request(
                 "POST", prepared.url, headers=build_headers(prepared, self.clock()), body=prepared.body, reads=False
             )
         except RefusedURL as refused:
-            return Dead(str(refused))
+            return DeadLetter(str(refused))
         except Unreachable as error:
             return Again(str(error))
         if HTTPStatus.OK <= response.status < HTTPStatus.MULTIPLE_CHOICES:
-            return Sent()
+            return SentReply()
         if response.status == HTTPStatus.GONE:
             return Gone("The receiver answered 410: it wants no more messages.")
         return Again(f"The receiver answered {response.status}.", retry_after_s(response.headers, self.clock()))
@@ -82,7 +82,7 @@ def build_message(row: Delivery, result: Result) -> bytes:
     return json.dumps({"type": CHANGED, "timestamp": row.noted_at.isoformat(), "data": data}).encode()
 
 
-def build_headers(prepared: Prepared, moment: datetime) -> Mapping[str, str]:
+def build_headers(prepared: PreparedMessage, moment: datetime) -> Mapping[str, str]:
     """Returns the headers of one try, with the time of this try."""
     timestamp = str(int(moment.timestamp()))
     signed = b".".join((prepared.id.encode(), timestamp.encode(), prepared.body))

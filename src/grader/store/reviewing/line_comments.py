@@ -54,7 +54,7 @@ def on_submissions(session: Session, ids: Iterable[str]) -> dict[str, list[LineC
     return found
 
 
-class Commented(NamedTuple):
+class CommentedAttempt(NamedTuple):
     """An attempt with comments, and how many."""
 
     quiz: str
@@ -64,12 +64,12 @@ class Commented(NamedTuple):
     comments: int
 
 
-def list_of_learner(session: Session, course: str, learner: str) -> Sequence[Commented]:
+def list_of_learner(session: Session, course: str, learner: str) -> Sequence[CommentedAttempt]:
     """The attempts of a learner that have comments, the newest first."""
     columns = (Submission.quiz, Submission.question, Submission.id, Submission.created_at)
     counted = select(*columns, func.count()).join(LineComment, LineComment.submission_id == Submission.id)
     theirs = counted.where(Submission.course == course, Submission.learner == learner).group_by(*columns)
-    return [Commented(*row) for row in session.execute(theirs.order_by(Submission.id.desc()))]
+    return [CommentedAttempt(*row) for row in session.execute(theirs.order_by(Submission.id.desc()))]
 
 
 def find(session: Session, comment_id: str, course: str) -> LineComment | None:

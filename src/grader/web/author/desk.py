@@ -76,7 +76,7 @@ class Tag:
         return self.digest == hash_text(text) and self.before + self.after <= len(text)
 
 
-class Saved(NamedTuple):
+class SavedQuestion(NamedTuple):
     """The id of the question that was saved, which its author may have changed, and the tag of its source now."""
 
     question: str
@@ -142,7 +142,7 @@ class AuthorDesk:
             return text, str(Tag.of(text, 0, len(text))), True
         return text[start:end], str(Tag.of(text, start, end)), False
 
-    def save_source(self, quiz: str, question: str, source: str, tag: str) -> Saved:
+    def save_source(self, quiz: str, question: str, source: str, tag: str) -> SavedQuestion:
         """Writes a source in place of what `read_source` gave with this tag, a question or the whole file. Raises
         NotFound, and Outdated where the file has changed since."""
         file = self.find_file(quiz)
@@ -160,7 +160,7 @@ class AuthorDesk:
                 raise Outdated(CHANGED)
             Path(new.name).replace(place)
         now = find_id(saved, shown.before, file) if shown.is_part else None
-        return Saved(now or question, str(Tag.of(saved, shown.before, len(saved) - shown.after)))
+        return SavedQuestion(now or question, str(Tag.of(saved, shown.before, len(saved) - shown.after)))
 
     def add_question(self, quiz: str, kind: str) -> str:
         """Adds an example of a kind of question, or `exercise:` and a kind of exercise, at the end of a quiz. Returns

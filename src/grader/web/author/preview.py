@@ -6,16 +6,16 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from grader.courses.answering.access import LearnerAccess
-from grader.courses.rules.policy import Shown, redact_json
+from grader.courses.rules.policy import Visibility, redact_json
 from grader.domain.policy import Policy, Progress
 from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer
 from grader.library import Library
 from grader.questions import Fields, Question, Quiz, grade_answer, kind_of
-from grader.web.learner.lesson import Asked, Typed, describe_question
+from grader.web.learner.lesson import AskedQuestion, TypedAnswer, describe_question
 from grader.web.text.questions import describe_quiz
 from grader.web.text.statuses import Badge, describe_status
-from grader.web.verdict.work import Given, Work, describe_place
+from grader.web.verdict.work import GivenAnswer, Work, describe_place
 
 STATES = {"unanswered": "Unanswered", "wrong": "Wrong", "right": "Right", "due": "After due"}
 
@@ -36,7 +36,7 @@ class Sample:
 class Preview:
     """A question in one state. `note` says why the state is not shown; `asked` is None then."""
 
-    asked: Asked | None
+    asked: AskedQuestion | None
     note: str = ""
 
 
@@ -89,15 +89,15 @@ def try_form(library: Library, quiz: Quiz, question: Question, fields: Fields) -
         if verdict.status is Status.INVALID_ANSWER:
             raise InvalidAnswer(verdict.diagnosis or "")
     except InvalidAnswer as error:
-        typed = Typed(quiz.id, question.id, fields, str(error))
+        typed = TypedAnswer(quiz.id, question.id, fields, str(error))
         return Preview(build_asked(library, quiz, question, None, quiz.default_policy, typed=typed))
     return Preview(build_asked(library, quiz, question, (answer, verdict), quiz.default_policy))
 
 
 def build_asked(
     library: Library, quiz: Quiz, question: Question, found: tuple[Any, Verdict] | None, policy: Policy, *,
-    is_over: bool = False, typed: Typed | None = None,
-) -> Asked:  # fmt: skip
+    is_over: bool = False, typed: TypedAnswer | None = None,
+) -> AskedQuestion:  # fmt: skip
     """Returns a question with an answer and its verdict, redacted as a student sees it."""
     solved = found is not None and found[1].status is Status.CORRECT
     progress = Progress() if found is None else Progress(used=1, solved=solved)
@@ -109,9 +109,9 @@ def build_asked(
     if found is not None:
         answer, verdict = found
         shown = redact_json(verdict, decision)
-        given = Given("preview", 1, at, answer, "done", shown, decision.withheld)
+        given = GivenAnswer("preview", 1, at, answer, "done", shown, decision.withheld)
     place = describe_place(access, quiz, question, given, None)
-    if given is not None and given.is_decided and decision.shown >= Shown.FEEDBACK:
+    if given is not None and given.is_decided and decision.shown >= Visibility.FEEDBACK:
         place = replace(place, points=found[1].points if found else None)
     view = next(candidate for candidate in describe_quiz(library, quiz)["questions"] if candidate["id"] == question.id)
     view["path"] = f"/try/{quiz.id}/{question.id}"

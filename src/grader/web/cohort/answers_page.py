@@ -10,7 +10,7 @@ from fastapi.responses import Response
 
 from grader.courses.people.identity import Identity
 from grader.courses.reporting.class_answers import ATTEMPTS_MAX, OPTION, ClassAnswers, ClassAttempt
-from grader.courses.rules.mistakes import Family, Made, find_cure
+from grader.courses.rules.mistakes import Family, LearnerMistake, find_cure
 from grader.domain.axes import ClassAxis, Position
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
@@ -46,7 +46,7 @@ class Person:
 
 
 @dataclass(frozen=True)
-class Listed:
+class ListedAnswer:
     """A mistake, or an option, with who is behind its count; `share` is the part of all learners in percent."""
 
     key: str
@@ -145,14 +145,14 @@ def make_address(attempt: ClassAttempt) -> str:
     return f"{REVIEW}/{attempt.id}?which=submissions"
 
 
-def list_family(at: ClassAt, family: Family) -> Listed:
+def list_family(at: ClassAt, family: Family) -> ListedAnswer:
     """Returns a mistake with its learners: those who still make it first."""
     people = [
         find_person(at, made, is_still=is_still)
         for is_still, some in ((True, family.still), (False, family.was))
         for made in some
     ]
-    return Listed(
+    return ListedAnswer(
         family.key, family.name, family.sentence, len(family.still), len(family.was), tuple(people[:NAMES]),
         max(0, len(people) - NAMES),
     )  # fmt: skip
@@ -164,14 +164,14 @@ def count_shown(families: Sequence[Family]) -> int:
     return len(families) if len(families) <= several + ALONE else max(several, ALONE)
 
 
-def find_person(at: ClassAt, made: Made, *, is_still: bool) -> Person:
+def find_person(at: ClassAt, made: LearnerMistake, *, is_still: bool) -> Person:
     """Returns who made a mistake, and the answer in which they did."""
     attempt = at.answers.find(made.submission)
     assert attempt is not None
     return Person(attempt.name, make_address(attempt), is_still)
 
 
-def list_options(at: ClassAt) -> list[Listed]:
+def list_options(at: ClassAt) -> list[ListedAnswer]:
     """Returns the options of a question with who chose each at the first attempt; none where there are no options."""
     options = kind_of(at.question).options(at.question)
     firsts = [theirs[0] for theirs in at.answers.by_learner.values()]
@@ -181,7 +181,9 @@ def list_options(at: ClassAt) -> list[Listed]:
         if chose or len(options) <= NAMES:
             rest = max(0, len(chose) - NAMES)
             key = f"option-{place}"
-            listed.append(Listed(key, option.text, "", len(chose), 0, tuple(chose[:NAMES]), rest, option.is_right))
+            listed.append(
+                ListedAnswer(key, option.text, "", len(chose), 0, tuple(chose[:NAMES]), rest, option.is_right)
+            )
     return listed
 
 

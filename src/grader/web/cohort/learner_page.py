@@ -9,7 +9,7 @@ from fastapi.responses import Response
 
 from grader.courses.answering.access import read_access
 from grader.courses.reporting.class_answers import ClassAnswers
-from grader.courses.rules.policy import Shown
+from grader.courses.rules.policy import Visibility
 from grader.domain.axes import ClassAxis, Position
 from grader.errors import Conflict
 from grader.gate.late_routes import page_router
@@ -44,7 +44,7 @@ def show_to_learner(
     with services.database.read() as session:
         access = read_access(session, library, who, (quiz_id, question_id))
         if (
-            access.decide(quiz_id, question_id).shown is not Shown.SOLUTION
+            access.decide(quiz_id, question_id).shown is not Visibility.SOLUTION
             or not access.progress_at(quiz_id, question_id).solved
         ):
             raise Conflict(NOT_SOLVED)

@@ -23,7 +23,7 @@ from grader.web.instructor.people import describe_origin
 from grader.web.text.lessons import group_lessons
 from grader.web.text.questions import list_titles
 from grader.web.text.statuses import REPLACED, Badge
-from grader.web.verdict.work import Given, read_in_full
+from grader.web.verdict.work import GivenAnswer, read_in_full
 
 ANSWERS = 100
 """Answers of a learner's story on one page."""
@@ -66,7 +66,7 @@ def story(
 
 
 def group_answers(
-    library: Library, given: Sequence[tuple[str, str, Given | None]], cells: Mapping[tuple[str, str], Cell],
+    library: Library, given: Sequence[tuple[str, str, GivenAnswer | None]], cells: Mapping[tuple[str, str], Cell],
     averaged: Collection[str],
 ) -> list[dict[str, Any]]:  # fmt: skip
     """Returns the answers by question, in the order of the content; questions that it has lost come last. None stands
@@ -75,7 +75,7 @@ def group_answers(
     questions = {(quiz.id, question.id): question for quiz in library.quizzes.values() for question in quiz.questions}
     places = {at: place for place, at in enumerate(questions)}
 
-    def place(one: tuple[str, str, Given | None]) -> tuple[int, str, str]:
+    def place(one: tuple[str, str, GivenAnswer | None]) -> tuple[int, str, str]:
         return places.get(one[:2], len(places)), one[0], one[1]
 
     return [
@@ -100,11 +100,11 @@ def group_answers(
     ]
 
 
-def show_answer(question: Question | None, given: Given) -> str:
+def show_answer(question: Question | None, given: GivenAnswer) -> str:
     """Returns an answer in words; as it was typed where the content has lost the question."""
     return given.text if question is None else kind_of(question).show(question, given.answer)
 
 
-def describe_state(given: Given, *, waits: bool) -> Badge:
+def describe_state(given: GivenAnswer, *, waits: bool) -> Badge:
     """Returns the state of an answer: an earlier one no longer `waits` for a person, unless all attempts count."""
     return given.badge if waits or given.is_decided or given.verdict is None else REPLACED

@@ -9,7 +9,7 @@ from fastapi.responses import RedirectResponse, Response
 from grader.courses.people.identity import Identity
 from grader.courses.people.namesakes import make_marks
 from grader.courses.regrading import regrades
-from grader.courses.regrading.regrades import IDS_MAX, SCOPES, Scope, Wanted
+from grader.courses.regrading.regrades import IDS_MAX, SCOPES, RegradeRequest, Scope
 from grader.courses.reviewing.blinding import blinded_differences
 from grader.errors import CallerError, Unprocessable
 from grader.gate.late_routes import page_router
@@ -113,7 +113,7 @@ def render_list(request: Request, services: Services, who: Identity, status: int
     return page(request, "regrades.html", status, who=who, **shown, **more)
 
 
-def parse_wanted(form: dict[str, str]) -> Wanted:
+def parse_wanted(form: dict[str, str]) -> RegradeRequest:
     """Says what the form asks for: a dry run, whose difference is seen before it is applied. Raises Unprocessable."""
     quiz, _, question = form.get("what", "").partition("/")
     chosen, ids = form.get("scope", ""), tuple(re.findall(r"[0-9a-f]{32}", form.get("ids", "")))
@@ -122,4 +122,4 @@ def parse_wanted(form: dict[str, str]) -> Wanted:
         scope = ids
     if not scope or len(ids) > IDS_MAX:
         raise Unprocessable(f"Choose which submissions: latest, best, all, or up to {IDS_MAX} ids.")
-    return Wanted(quiz, question or None, scope, dry_run=True)
+    return RegradeRequest(quiz, question or None, scope, dry_run=True)

@@ -46,7 +46,7 @@ class Bar:
 
 
 @dataclass(frozen=True)
-class Shown:
+class QuestionRow:
     """One question: what is seen of it at once, its estimates in words, and what was answered."""
 
     id: str
@@ -99,7 +99,7 @@ def statistics(
     return page(request, "statistics.html", who=who, **context)
 
 
-def describe_question(one: QuestionStatistics, question: Question, title: str, quiz: str) -> Shown:
+def describe_question(one: QuestionStatistics, question: Question, title: str, quiz: str) -> QuestionRow:
     """Returns one question for the template."""
     of, path = one.difficulty.n, f"{CLASS}/{quiz}/{question.id}"
     options = count_options(one, question, path)
@@ -112,7 +112,7 @@ def describe_question(one: QuestionStatistics, question: Question, title: str, q
         for words, count in one.mistakes.items()
     ]
     shared = tuple(bar for bar in mistakes if bar.learners > 1)
-    return Shown(
+    return QuestionRow(
         question.id,
         title,
         f"{100 * one.difficulty.value:.0f}{NARROW}%",

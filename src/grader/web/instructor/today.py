@@ -13,7 +13,13 @@ from sqlalchemy.orm import Session
 from grader.courses.answering.policies import read_policies
 from grader.courses.people.identity import DEFAULT_COURSE, Identity, Kind
 from grader.courses.people.namesakes import make_marks, mark_name
-from grader.courses.reporting.stuck import SUBMISSIONS_MAX, SharedMistake, Stuck, find_shared_mistakes, find_stuck
+from grader.courses.reporting.stuck import (
+    SUBMISSIONS_MAX,
+    SharedMistake,
+    StuckLearner,
+    find_shared_mistakes,
+    find_stuck,
+)
 from grader.courses.reporting.today import COUNTED_MAX, Today, read_today
 from grader.domain.verdict import Status
 from grader.errors import ContentError
@@ -154,12 +160,12 @@ def make_task(
     return Task(count, f"answer{'' if total == 1 else 's'} {words}", lines, address, verb)
 
 
-def find_stuck_learners(session: Session, who: Identity) -> list[Stuck]:
+def find_stuck_learners(session: Session, who: Identity) -> list[StuckLearner]:
     """Returns the learners of the instructor's course who are stuck."""
     return find_stuck(session, who.course, results.list_instructors(session, who.course))
 
 
-def list_stuck(library: Library, stuck: Sequence[Stuck], marks: Mapping[str, str]) -> Iterable[Task]:
+def list_stuck(library: Library, stuck: Sequence[StuckLearner], marks: Mapping[str, str]) -> Iterable[Task]:
     """Yields the learners who are stuck, if any are; the first ones by name."""
     if stuck:
         titles = list_titles(library)
@@ -175,12 +181,12 @@ def list_stuck(library: Library, stuck: Sequence[Stuck], marks: Mapping[str, str
         yield Task(str(number), "learner is stuck" if number == 1 else "learners are stuck", lines, STUCK, "Show")
 
 
-def describe_place(titles: Mapping[tuple[str, str], str], one: Stuck | WaitingQuestion) -> str:
+def describe_place(titles: Mapping[tuple[str, str], str], one: StuckLearner | WaitingQuestion) -> str:
     """Names the quiz, and the question by its title."""
     return f"{one.quiz}: {titles.get((one.quiz, one.question), one.question)}"
 
 
-def make_address(learner: Stuck) -> str:
+def make_address(learner: StuckLearner) -> str:
     """Returns the address of what a learner has answered to the question."""
     return f"{PAGE}/learners/{learner.learner}#{learner.quiz}--{learner.question}"
 

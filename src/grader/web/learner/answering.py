@@ -21,7 +21,7 @@ from grader.questions import FIELD, Fields, Question, kind_of
 from grader.store import submissions
 from grader.web.frame.inputs import Form, FormFields, Visitor
 from grader.web.frame.rendering import page
-from grader.web.learner.lesson import Typed
+from grader.web.learner.lesson import TypedAnswer
 from grader.web.learner.pages import SIGN_IN, show_exercise, show_lesson
 
 router = page_router()
@@ -44,7 +44,7 @@ class Sender:
     cookie: str | None = None
 
 
-class Refused(Exception):
+class RefusedAnswer(Exception):
     """An answer that is not taken: it touches nothing, and is shown again with the reason."""
 
     def __init__(self, why: str, status: int = 422) -> None:
@@ -72,10 +72,10 @@ async def hand_in(
     back = choose_page(form.get("back", ""), quiz_id)
     try:
         if not form.get("learner") and (quiz_id, question_id) in services.get_pipeline(sender.who).drawn:
-            raise Refused(f"{OWN_NUMBERS} {UNTOUCHED}")
+            raise RefusedAnswer(f"{OWN_NUMBERS} {UNTOUCHED}")
         await take_answer(services, sender.who, quiz_id, question, fields=fields, after=form.get("after", ""))
-    except Refused as refused:
-        shown = Typed(quiz_id, question_id, fields, refused.why)
+    except RefusedAnswer as refused:
+        shown = TypedAnswer(quiz_id, question_id, fields, refused.why)
         of_exercise = partial(show_exercise, quiz_id=quiz_id, question_id=question_id)
         show = of_exercise if is_script else partial(show_lesson, address=back)
         response = await run_in_threadpool(show, request, services, sender.who, typed=shown, status=refused.status)
@@ -104,7 +104,7 @@ def show_stopped(request: Request, services: Services, who: Identity, *, at: tup
         why = stop(services.database, services.library_for(who), who, next(iter(sent.get("stop", ())), ""))
     except Conflict as conflict:
         why, status = str(conflict), 409
-    typed = Typed(*at, answer_fields(sent), why)
+    typed = TypedAnswer(*at, answer_fields(sent), why)
     return show_exercise(request, services, who, quiz_id=at[0], question_id=at[1], typed=typed, status=status)
 
 
@@ -127,30 +127,30 @@ def choose_page(wanted: str, quiz_id: str) -> str:
 async def take_answer(
     services: Services, who: Identity, quiz_id: str, question: Question, *, fields: Fields, after: str
 ) -> None:
-    """Hands in what was typed. Raises Refused if it cannot be read or is not taken now, and Unauthorized."""
+    """Hands in what was typed. Raises RefusedAnswer if it cannot be read or is not taken now, and Unauthorized."""
     try:
         answer = await run_in_threadpool(read_answer, services, who, quiz_id, question, fields=fields, after=after)
         await services.writer.put(answer)
     except (NotFound, Unauthorized):
         raise
     except CallerError as error:
-        raise Refused(str(error), STATUSES.get(type(error), 422)) from error
+        raise RefusedAnswer(str(error), STATUSES.get(type(error), 422)) from error
 
 
 def read_answer(
     services: Services, who: Identity, quiz_id: str, question: Question, *, fields: Fields, after: str
 ) -> NewAnswer:
-    """Reads an answer, and grades it where that is instant. Raises Refused for what cannot be read."""
+    """Reads an answer, and grades it where that is instant. Raises RefusedAnswer for what cannot be read."""
     pipeline, kind = services.get_pipeline(who), kind_of(question)
     try:
         answer = kind.from_form(question, fields)
     except InvalidAnswer as error:
-        raise Refused(str(error)) from error
+        raise RefusedAnswer(str(error)) from error
     parsed, verdict = pipeline.read_and_grade(quiz_id, question.id, answer, who.drawn_for)
     if verdict is not None and verdict.status is Status.INVALID_ANSWER:
-        raise Refused(f"{verdict.diagnosis or 'This answer could not be read.'} {UNTOUCHED}")
+        raise RefusedAnswer(f"{verdict.diagnosis or 'This answer could not be read.'} {UNTOUCHED}")
     if not kind.is_script and is_repeated(services, who, quiz_id, parsed, after):
-        raise Refused(f"{SAME} {UNTOUCHED}")
+        raise RefusedAnswer(f"{SAME} {UNTOUCHED}")
     key = f"page-{after[:64]}-{parsed.digest[:32]}"  # the same answer from the same form is one submission
     return NewAnswer(who, pipeline.library, parsed, verdict, key, services.settings.queue_per_user)
 

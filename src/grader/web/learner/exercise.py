@@ -9,12 +9,12 @@ from grader.errors import NotFound
 from grader.library import Library
 from grader.library.lesson_ids import find_lesson_id
 from grader.questions import Quiz
-from grader.web.learner.lesson import WITH_AN_INSTRUCTOR, Asked, Typed, describe_question, list_facts
+from grader.web.learner.lesson import WITH_AN_INSTRUCTOR, AskedQuestion, TypedAnswer, describe_question, list_facts
 from grader.web.text.lessons import describe_lesson
 from grader.web.text.numbers import write_points
 from grader.web.text.questions import describe_quiz
 from grader.web.verdict.card import build_card
-from grader.web.verdict.work import Given, Work
+from grader.web.verdict.work import GivenAnswer, Work
 
 LINES_MAX = 2000
 """Longer scripts stand side by side without marks: to compare takes a time that grows with the square."""
@@ -29,8 +29,8 @@ class SourceLine:
 
 
 def build_exercise_page(
-    library: Library, quiz: Quiz, question_id: str, work: Work, attempts: Sequence[Given], *,
-    chosen: str | None = None, typed: Typed | None = None,
+    library: Library, quiz: Quiz, question_id: str, work: Work, attempts: Sequence[GivenAnswer], *,
+    chosen: str | None = None, typed: TypedAnswer | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Returns the variables of exercise.html. `chosen` is the id of the attempt to show. Raises NotFound."""
     views = describe_quiz(library, quiz)["questions"]
@@ -64,7 +64,7 @@ def find_following(quiz: str, lesson: str, later: Sequence[Mapping[str, Any]]) -
     return {"short": view["short"], "path": view["path"] if view["is_script"] else on_lesson}
 
 
-def choose_attempt(attempts: Sequence[Given], chosen: str | None) -> Given | None:
+def choose_attempt(attempts: Sequence[GivenAnswer], chosen: str | None) -> GivenAnswer | None:
     """The chosen attempt, else the newest with a verdict. Raises NotFound if the learner has no such attempt."""
     if chosen is None:
         return next((attempt for attempt in attempts if attempt.verdict is not None), None)
@@ -74,12 +74,12 @@ def choose_attempt(attempts: Sequence[Given], chosen: str | None) -> Given | Non
     return found
 
 
-def choose_source(here: Asked, typed: Typed | None) -> str:
+def choose_source(here: AskedQuestion, typed: TypedAnswer | None) -> str:
     """Returns the text of the editor: what was refused, the newest attempt, else the starter."""
     return here.value() if typed is not None else here.value() or here.view["starter"] or ""
 
 
-def describe_points(here: Asked) -> str:
+def describe_points(here: AskedQuestion) -> str:
     """Returns the points that count at this exercise."""
     place = here.place
     if place.points is None or (place.needs_review and not place.points):

@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from grader.courses.rules.policy import before_opening
 from grader.library import Library
-from grader.library.lesson_text import Heading, LessonText, Placed, Prose
+from grader.library.lesson_text import Heading, LessonText, Placement, Prose
 from grader.questions import FIELD, Fields, Question, Quiz, kind_of
 from grader.web.text.lab_box import describe_lab
 from grader.web.text.lessons import Lesson
@@ -23,7 +23,7 @@ WITH_AN_INSTRUCTOR = "with an instructor"
 
 
 @dataclass(frozen=True)
-class Typed:
+class TypedAnswer:
     """What a learner sent that was not taken, and why; it is shown again."""
 
     quiz: str
@@ -33,7 +33,7 @@ class Typed:
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedQuestion:
     """A question with the learner's place at it: `view` is its wording, `fields` what its form holds. `lab` is the lab
     of a prediction, once the learner may run it."""
 
@@ -58,7 +58,9 @@ class Asked:
         return self.fields.get(name, ())
 
 
-def describe_question(view: dict[str, Any], question: Question, quiz: str, work: Work, typed: Typed | None) -> Asked:
+def describe_question(
+    view: dict[str, Any], question: Question, quiz: str, work: Work, typed: TypedAnswer | None
+) -> AskedQuestion:
     """Returns one question as it stands."""
     place = work.places[quiz, question.id]
     given = place.given
@@ -71,7 +73,7 @@ def describe_question(view: dict[str, Any], question: Question, quiz: str, work:
     lab = kind.lab(question) if place.lab_is_open else None
     card = None if given is None else build_card(given)
     box = None if lab is None or given is None else preset_lab(describe_lab(lab), kind.show(question, given.answer))
-    return Asked(view, place, card, fields, trouble, box)
+    return AskedQuestion(view, place, card, fields, trouble, box)
 
 
 def preset_lab(box: dict[str, Any], chosen: str) -> dict[str, Any]:
@@ -85,7 +87,7 @@ def preset_lab(box: dict[str, Any], chosen: str) -> dict[str, Any]:
     return box | {"controls": controls}
 
 
-def build_section(library: Library, quiz: Quiz, work: Work, typed: Typed | None = None) -> dict[str, Any]:
+def build_section(library: Library, quiz: Quiz, work: Work, typed: TypedAnswer | None = None) -> dict[str, Any]:
     """Returns one quiz for the template, as the learner may see it now."""
     if not work.access.has_opened(quiz.id):
         return describe_unopened(quiz, before_opening(work.access.policies[quiz.id], work.access.at) or "")
@@ -97,7 +99,7 @@ def build_section(library: Library, quiz: Quiz, work: Work, typed: Typed | None 
     return page | {"questions": questions, "got": got, "of": of, "dates": dates}
 
 
-def build_lesson_page(library: Library, lesson: Lesson, work: Work, typed: Typed | None = None) -> dict[str, Any]:
+def build_lesson_page(library: Library, lesson: Lesson, work: Work, typed: TypedAnswer | None = None) -> dict[str, Any]:
     """Returns the variables of lesson.html."""
     sections = [build_section(library, quiz, work, typed) for quiz in lesson.quizzes]
     link_unknown_labs(sections, lesson.text.source if lesson.text else "")
@@ -123,7 +125,7 @@ def arrange_parts(text: LessonText | None, sections: Sequence[dict[str, Any]]) -
     """Returns the `parts` of the page from top to bottom, and its `outline`: the author's text with quizzes and labs in
     their places, then what the text does not place. A placed lab is shown there alone, and never before its quiz opens.
     """
-    placed = [part for part in text.parts if isinstance(part, Placed)] if text else []
+    placed = [part for part in text.parts if isinstance(part, Placement)] if text else []
     shown = {section["id"]: section | {"labs": leave_out(section, placed)} for section in sections}
     whole = {section["id"]: section for section in sections}
     parts: list[dict[str, Any]] = []
@@ -143,12 +145,12 @@ def arrange_parts(text: LessonText | None, sections: Sequence[dict[str, Any]]) -
     return {"parts": parts, "outline": outline}
 
 
-def leave_out(section: Mapping[str, Any], placed: Sequence[Placed]) -> list[dict[str, Any]]:
+def leave_out(section: Mapping[str, Any], placed: Sequence[Placement]) -> list[dict[str, Any]]:
     """Returns the labs of a quiz that the text of the lesson does not place elsewhere."""
-    return [lab for lab in section["labs"] if Placed(section["id"], lab["id"]) not in placed]
+    return [lab for lab in section["labs"] if Placement(section["id"], lab["id"]) not in placed]
 
 
-def place_part(part: Placed, whole: dict[str, Any], shown: dict[str, Any]) -> list[dict[str, Any]]:
+def place_part(part: Placement, whole: dict[str, Any], shown: dict[str, Any]) -> list[dict[str, Any]]:
     """Returns a quiz or lab where the author put it; of an unopened quiz, when it opens."""
     if not part.lab:
         return [{"sort": "quiz", "quiz": shown}]
@@ -164,7 +166,7 @@ class First:
     quiz: str
     title: str
     number: int
-    asked: Asked
+    asked: AskedQuestion
     has_begun: bool
 
 

@@ -22,7 +22,7 @@ from grader.web.frame.assets import FOLDER
 from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import HEADERS, page
 from grader.web.learner.exercise import align_scripts, build_exercise_page
-from grader.web.learner.lesson import Typed, build_lesson_page, list_opened_facts
+from grader.web.learner.lesson import TypedAnswer, build_lesson_page, list_opened_facts
 from grader.web.text.lessons import Lesson, group_lessons
 from grader.web.text.questions import describe_quiz, list_titles
 from grader.web.verdict.plots import draw_file, extract_light_styles, list_sketches
@@ -86,7 +86,7 @@ def lesson_by_id(lesson: str, request: Request, services: AppServices, who: Visi
 
 def show_lesson(
     request: Request, services: Services, who: Identity | None, address: str, *,
-    typed: Typed | None = None, status: int = 200,
+    typed: TypedAnswer | None = None, status: int = 200,
 ) -> Response:  # fmt: skip
     """Renders the lesson at an address: `/`, `/lessons/...` or `/?quiz=...`. Raises NotFound."""
     library, reader = services.library_for(who), find_reader(who)
@@ -130,7 +130,7 @@ def exercise(
 
 def show_exercise(
     request: Request, services: Services, who: Identity | None, *, quiz_id: str, question_id: str,
-    attempt: str | None = None, typed: Typed | None = None, status: int = 200,
+    attempt: str | None = None, typed: TypedAnswer | None = None, status: int = 200,
 ) -> Response:  # fmt: skip
     """Renders the page of an exercise. Raises NotFound."""
     library, reader = services.library_for(who), find_reader(who)

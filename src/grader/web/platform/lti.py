@@ -17,7 +17,7 @@ from grader.platforms.launching.addresses import read_origin
 from grader.platforms.launching.arrival import NOT_APPROVED, Arrival, arrive, find_reviewed
 from grader.platforms.launching.id_token import verify
 from grader.platforms.launching.launch import Launch, read_launch
-from grader.platforms.launching.login import Answered, Login, Unbound
+from grader.platforms.launching.login import AnsweredLogin, Login, UnboundLogin
 from grader.platforms.tool import canvas_configuration
 from grader.questions import kind_of
 from grader.web.platform.forms import enter, show_button, show_choices, show_course_form
@@ -77,13 +77,13 @@ async def launch(request: Request, tool: LtiTool, services: AppServices, pairs: 
     answered = await run_in_threadpool(
         services.sessions.writing, lambda session: logins.answer(session, state, cookie or form.get("key", ""))
     )
-    if isinstance(answered, Unbound):
+    if isinstance(answered, UnboundLogin):
         return bind_otherwise(request, services, answered, form)
     verified = await verify_launch(tool, services.origin_of(request), answered, form.get("id_token", ""))
     return await run_in_threadpool(settle, request, services, verified, in_tab=not cookie)
 
 
-async def verify_launch(tool: LtiTool, origin: str, answered: Answered, id_token: str) -> Launch:
+async def verify_launch(tool: LtiTool, origin: str, answered: AnsweredLogin, id_token: str) -> Launch:
     """Returns the launch in a token. Raises Unauthorized; the log tells why, and which platform."""
     try:
         claims = await verify(id_token, answered.platform, answered.nonce, tool.platform_keys)
@@ -101,7 +101,7 @@ def parse_form(pairs: list[tuple[str, str]]) -> dict[str, str]:
     return dict(known)
 
 
-def bind_otherwise(request: Request, services: Services, login: Unbound, form: dict[str, str]) -> Response:
+def bind_otherwise(request: Request, services: Services, login: UnboundLogin, form: dict[str, str]) -> Response:
     """For a browser that kept no cookie in the frame: by the platform's storage, else in a new tab."""
     if login.storage and "key" not in form:
         return show_framed(
@@ -114,7 +114,7 @@ def bind_otherwise(request: Request, services: Services, login: Unbound, form: d
     return response
 
 
-def make_login_url(services: Services, request: Request, login: Unbound) -> str:
+def make_login_url(services: Services, request: Request, login: UnboundLogin) -> str:
     """Says where the login begins again: in a new tab, cookies are kept."""
     return f"{logins.login_url(services.origin_of(request))}?{urlencode(login.fields)}"
 

@@ -17,7 +17,7 @@ from grader.web.verdict import evidence as read
 from grader.web.verdict.film import FilmBox, describe_film
 from grader.web.verdict.marked_script import MarkedScript, mark_script
 from grader.web.verdict.plots import Figure, draw_figures
-from grader.web.verdict.work import Given
+from grader.web.verdict.work import GivenAnswer
 
 WORD = re.compile(r"([A-Z][a-z]+(?: [a-z]+){0,2}): ")
 """What a message begins with to sum itself up, such as `Too high: `."""
@@ -75,7 +75,7 @@ class Row:
 class Card:
     """What the template verdict.html shows."""
 
-    given: Given
+    given: GivenAnswer
     badge: Badge
     score: str
     diagnosis: str
@@ -117,7 +117,7 @@ class Card:
         return draw_figures(self.evidence, self.titles)
 
 
-def build_card(given: Given) -> Card | None:
+def build_card(given: GivenAnswer) -> Card | None:
     """Returns the card of an answer; None while it has no verdict."""
     verdict = given.verdict
     if verdict is None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from grader.errors import NotFound
 from grader.questions import Question, kind_of
 from grader.web.verdict.card import Card, build_card
-from grader.web.verdict.work import Given
+from grader.web.verdict.work import GivenAnswer
 
 REEL_MAX = 30
 """Attempts of a reel, the newest ones."""
@@ -47,7 +47,7 @@ class Reel:
 
     stops: Sequence[Stop]
     at: int
-    given: Given
+    given: GivenAnswer
     card: Card | None
     answer: str
     changes: Sequence[Change] | None
@@ -63,7 +63,7 @@ class Reel:
         return self.stops[self.at + 1] if self.at + 1 < len(self.stops) else None
 
 
-def build_reel(attempts: Sequence[Given], question: Question | None, chosen: str | None) -> Reel:
+def build_reel(attempts: Sequence[GivenAnswer], question: Question | None, chosen: str | None) -> Reel:
     """Returns the reel of some attempts, newest first, at the chosen one, else at the newest. Raises NotFound."""
     row = [*reversed(attempts)]
     at = next((at for at, attempt in enumerate(row) if attempt.id == chosen), len(row) - 1 if chosen is None else -1)

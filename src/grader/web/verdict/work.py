@@ -10,15 +10,15 @@ from sqlalchemy.orm import Session
 
 from grader.courses.answering.access import LearnerAccess, describe_progress_at, read_access
 from grader.courses.people.identity import Identity
-from grader.courses.rules.policy import Shown, format_moment, redact_json
-from grader.courses.rules.progress import Compared, describe_progress
+from grader.courses.rules.policy import Visibility, format_moment, redact_json
+from grader.courses.rules.progress import ComparedAttempt, describe_progress
 from grader.domain.policy import Policy
 from grader.domain.verdict import Status
 from grader.library import Library
 from grader.questions import Question, Quiz, describe_file
 from grader.store import results, submissions
 from grader.store.reviewing import line_comments
-from grader.store.reviewing.line_comments import Commented
+from grader.store.reviewing.line_comments import CommentedAttempt
 from grader.store.submissions import Mark, SubmissionFilter
 from grader.store.tables import Result, Submission
 from grader.web.text.numbers import write_points
@@ -46,7 +46,7 @@ class Comment(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Given:
+class GivenAnswer:
     """One answer of a learner with as much of its verdict as they may see."""
 
     id: str
@@ -112,7 +112,7 @@ class Given:
 class Place:
     """What a learner has reached at one question."""
 
-    given: Given | None
+    given: GivenAnswer | None
     points: float | None
     of: float
     notice: str
@@ -121,7 +121,7 @@ class Place:
     lab_is_open: bool
     due: datetime | None
     attempts_left: int | None
-    commented: Sequence[Commented] = ()
+    commented: Sequence[CommentedAttempt] = ()
     """The attempts before the newest that instructors commented on, the newest first."""
 
     @property
@@ -185,7 +185,7 @@ def read_work(session: Session, library: Library, who: Identity, quizzes: Sequen
 
 
 def describe_place(
-    access: LearnerAccess, quiz: Quiz, question: Question, given: Given | None, result: Result | None
+    access: LearnerAccess, quiz: Quiz, question: Question, given: GivenAnswer | None, result: Result | None
 ) -> Place:
     """Describes what a learner has reached at one question, by the policy."""
     progress = describe_progress_at(access, quiz, question, result)
@@ -200,7 +200,7 @@ def describe_place(
 
 def list_attempts(
     session: Session, work: Work, who: Identity, quiz: str, question: str, *, most: int = ATTEMPTS_MAX
-) -> list[Given]:
+) -> list[GivenAnswer]:
     """Returns a learner's newest answers to one question, and older ones with comments, newest first; unreadable ones
     are left out."""
     wanted = SubmissionFilter(who.course, quiz=quiz, question=question, learner=who.id)
@@ -214,19 +214,19 @@ def list_attempts(
     return compare_attempts(read_answers(session, work.access, rows))
 
 
-def compare_attempts(attempts: Sequence[Given]) -> list[Given]:
+def compare_attempts(attempts: Sequence[GivenAnswer]) -> list[GivenAnswer]:
     """Returns attempts, newest first, each with how it compares with those before; unreadable ones are left out."""
     given = [
         attempt for attempt in attempts if attempt.verdict is None or attempt.verdict["status"] != Status.INVALID_ANSWER
     ]
-    compared = [Compared(attempt.attempt, attempt.verdict) for attempt in reversed(given) if attempt.verdict]
+    compared = [ComparedAttempt(attempt.attempt, attempt.verdict) for attempt in reversed(given) if attempt.verdict]
     said = {
         comparison.attempt: describe_progress(compared[:index], comparison) for index, comparison in enumerate(compared)
     }
     return [replace(attempt, progress=said.get(attempt.attempt, "")) for attempt in given]
 
 
-def read_answers(session: Session, access: LearnerAccess, rows: Sequence[Submission]) -> list[Given]:
+def read_answers(session: Session, access: LearnerAccess, rows: Sequence[Submission]) -> list[GivenAnswer]:
     """Stored answers as the learner may see them now."""
     verdicts, marks = submissions.read_verdicts(session, rows), submissions.last_marks(session, rows)
     given = [read_answer(access, row, verdicts.get(row.id), marks.get(row.id)) for row in rows]
@@ -242,14 +242,16 @@ def read_comments(session: Session, ids: Sequence[str]) -> dict[str, list[Commen
             for at, some in found.items()}  # fmt: skip
 
 
-def read_answer(access: LearnerAccess, row: Submission, verdict: Any | None, marks: tuple[Mark, Mark] | None) -> Given:
+def read_answer(
+    access: LearnerAccess, row: Submission, verdict: Any | None, marks: tuple[Mark, Mark] | None
+) -> GivenAnswer:
     """Returns one answer of `given_of`."""
     decision = access.decide(row.quiz, row.question)
     settled = verdict if row.status in submissions.AT_REST else None
     answer = json.loads(row.answer) if row.answer else None
     shown = redact_json(settled, decision)
-    again = "" if marks is None or decision.shown < Shown.FEEDBACK else describe_regrade(*marks)
-    return Given(row.id, row.attempt, row.created_at, answer, row.status, shown, decision.withheld, again)
+    again = "" if marks is None or decision.shown < Visibility.FEEDBACK else describe_regrade(*marks)
+    return GivenAnswer(row.id, row.attempt, row.created_at, answer, row.status, shown, decision.withheld, again)
 
 
 def describe_regrade(before: Mark, after: Mark) -> str:
@@ -266,11 +268,11 @@ def describe_regrade(before: Mark, after: Mark) -> str:
     return f"{said}: {write_points(after.points)} {worth} now, {write_points(before.points)} {earlier} before."
 
 
-def read_in_full(row: Submission, verdict: Any | None) -> Given:
+def read_in_full(row: Submission, verdict: Any | None) -> GivenAnswer:
     """Returns a stored answer as an instructor sees it, with the verdict as reviewers may see it."""
     answer = json.loads(row.answer) if row.answer else None
     settled = verdict if row.status in submissions.AT_REST else None
-    return Given(row.id, row.attempt, row.created_at, answer, row.status, settled, None)
+    return GivenAnswer(row.id, row.attempt, row.created_at, answer, row.status, settled, None)
 
 
 def describe_counting(policy: Policy) -> str:

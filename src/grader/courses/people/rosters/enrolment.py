@@ -22,7 +22,7 @@ NAMED = "name:"
 
 
 @dataclass(frozen=True)
-class Enrolled:
+class Enrolment:
     """What a roster comes to, in members. Those of a course who are not on it stay as they are. `left_out` are
     instructors, and members whom an instructor has removed, where the caller may not enter them."""
 
@@ -45,7 +45,7 @@ class _Plan:
 def enrol(
     database: Database, session: Session, by: Identity | None, course: str, entries: Sequence[Entry], *, file: str,
     dry_run: bool = False,
-) -> Enrolled:  # fmt: skip
+) -> Enrolment:  # fmt: skip
     """Makes the people on a roster members, and gives those who are members the roster's name, role and address.
 
     `by` is None for the command line. An instructor without restriction enters anybody, and brings back whom they had
@@ -57,7 +57,7 @@ def enrol(
     plan = plan_changes(session, by, course, file, entries)
     if plan.faults:
         raise FaultyRows(plan.faults[:FAULTS_MAX])
-    done = Enrolled(dry_run, len(plan.created), len(plan.changed), plan.unchanged, plan.left_out)
+    done = Enrolment(dry_run, len(plan.created), len(plan.changed), plan.unchanged, plan.left_out)
     if not dry_run:
         create_members(session, course, plan.created)
         for member, changes in plan.changed:

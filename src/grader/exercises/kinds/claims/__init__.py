@@ -24,7 +24,7 @@ from grader.exercises.kinds.claims.parameters import (
 from grader.exercises.kinds.claims.pictures import build_evidence
 from grader.exercises.kinds.claims.placing import place_claims
 from grader.exercises.parameters import WrongParameter
-from grader.experiments.regime import Unresolved, explain_window
+from grader.experiments.regime import RegimeFailure, explain_window
 from grader.questions.kinds.script import ScriptQuestion
 
 
@@ -114,7 +114,7 @@ class Claims(Kind[ClaimsParameters, Problem, Outcome]):
         for index, claim in enumerate(trial.problem.claims):
             try:
                 values = measure_own(bench, index)
-            except Unresolved:
+            except RegimeFailure:
                 return None
             around = claim.allow(values)
             intervals += [(value - around, value + around) for value in values.tolist()]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from grader.exercises.judgement import Judgement, Part, Results
-from grader.exercises.kinds.claims.measuring import Measured, measure_claims
+from grader.exercises.kinds.claims.measuring import MeasuredClaim, measure_claims
 from grader.exercises.kinds.claims.parameters import Claim, Floats, Problem
 
 FIGURES = 7
@@ -21,7 +21,7 @@ class Comparison:
     claim: Claim
     values: Floats | None
     text: str
-    measured: Measured
+    measured: MeasuredClaim
     why: str = ""
     detail: str = ""
 
@@ -51,7 +51,7 @@ def judge_claims(problem: Problem, results: Results) -> Judgement[Outcome]:
     return Judgement(not wrong, message, outcome, parts=parts)
 
 
-def compare(problem: Problem, claim: Claim, results: Results, index: int, measured: Measured) -> Comparison:
+def compare(problem: Problem, claim: Claim, results: Results, index: int, measured: MeasuredClaim) -> Comparison:
     """Returns the comparison of one claim."""
     values = results.get(f"c{index}")
     if values is None or values.dtype != np.float64 or not np.isfinite(values).all():
@@ -71,7 +71,7 @@ def compare(problem: Problem, claim: Claim, results: Results, index: int, measur
     return Comparison(claim, got, "", measured, why, detail)
 
 
-def judge_numbers(claim: Claim, got: Floats, measured: Measured) -> tuple[str, str]:
+def judge_numbers(claim: Claim, got: Floats, measured: MeasuredClaim) -> tuple[str, str]:
     """Returns what is wrong with a number or a curve: without numbers, and with."""
     off = got - measured.values
     size = float(np.sqrt(np.mean(off**2))) if claim.norm == "rms" else float(np.abs(off).max())
@@ -85,7 +85,7 @@ def judge_numbers(claim: Claim, got: Floats, measured: Measured) -> tuple[str, s
     return why, f"{returned}It is off by {size:.3g}{prefix_unit(claim)}; {allowed:.2g}{prefix_unit(claim)} is allowed."
 
 
-def judge_interval(claim: Claim, got: Floats, measured: Measured) -> tuple[str, str]:
+def judge_interval(claim: Claim, got: Floats, measured: MeasuredClaim) -> tuple[str, str]:
     """Returns what is wrong with an interval: without numbers, and with."""
     low, high = float(got[0]), float(got[1])
     right, around = float(measured.values[0]), claim.allow(measured.values) + measured.uncertainty

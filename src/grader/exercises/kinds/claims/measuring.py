@@ -14,7 +14,7 @@ from grader.exercises.kinds.claims.parameters import Claim, Experiment, Floats, 
 from grader.exercises.parameters import WrongParameter
 from grader.experiments.limits import UNCERTAINTY_SHARE, describe_noise, find_limit
 from grader.experiments.quantities import measure, read_trace
-from grader.experiments.regime import Unresolved, describe_reset
+from grader.experiments.regime import RegimeFailure, describe_reset
 from grader.experiments.runs import NUDGED, SAME, LabRun, Variant, VerifyError, run_experiment, to_number
 
 STEPS_MAX = 20_000
@@ -30,7 +30,7 @@ Reader = Callable[[Variant], tuple[LabRun, Floats]]
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredClaim:
     """What a claim should be, in its unit: `values`, one for each x of a curve, with the largest uncertainty, and `own`
     at the model's own timestep. `trouble` is the key and the reason why it cannot be decided; empty where it can."""
 
@@ -42,7 +42,7 @@ class Measured:
 
 def read_series(experiment: Experiment, exprs: Sequence[str], variant: Variant) -> tuple[LabRun, Floats]:
     """Returns a run with a frame for every step, and what the expressions gave: (frames, expressions). Raises
-    Unresolved where MuJoCo reset the state, VerifyError and LabRefused where it cannot be carried out."""
+    RegimeFailure where MuJoCo reset the state, VerifyError and LabRefused where it cannot be carried out."""
     return run_config(build_config(experiment, tuple(exprs)), experiment, variant)
 
 
@@ -66,7 +66,7 @@ def run_config(config: LabConfig, experiment: Experiment, variant: Variant) -> t
     variant = replace(variant, every_step=True)
     run = run_experiment(config, experiment.xml, seconds=experiment.seconds, variant=variant, keys=KEYS)
     if run.warnings:
-        raise Unresolved("no reset", describe_reset(run))
+        raise RegimeFailure("no reset", describe_reset(run))
     return run, np.array([[to_number(value) for value in row] for row in run.rows])
 
 
@@ -95,7 +95,7 @@ class Bench:
     def measure(
         self, claim: Claim, experiment: Experiment, variant: Variant, at_s: float = 0.0
     ) -> tuple[LabRun, float]:
-        """Returns a run, and the claim's number in it. Raises Unresolved where it has none."""
+        """Returns a run, and the claim's number in it. Raises RegimeFailure where it has none."""
         try:
             run, series = self.read(experiment, variant)
             column = series[:, self._exprs[experiment].index(claim.expr)]
@@ -106,7 +106,7 @@ class Bench:
             column = series[:, 0]
         value = read_value(claim, np.array(run.times), column, at_s)
         if not np.isfinite(value):
-            raise Unresolved(
+            raise RegimeFailure(
                 "finite", f"the run has no {claim.quantity.replace('_', ' ')}: make it longer, or mend expr"
             )
         return run, value
@@ -141,18 +141,18 @@ def rehearse_claims(problem: Problem) -> None:
     for index in range(len(problem.claims)):
         try:
             measure_own(bench, index)
-        except (Unresolved, LabRefused, VerifyError) as error:
+        except (RegimeFailure, LabRefused, VerifyError) as error:
             raise WrongParameter(*place_error(index, error)) from error
 
 
-def measure_claims(problem: Problem) -> tuple[Measured, ...]:
+def measure_claims(problem: Problem) -> tuple[MeasuredClaim, ...]:
     """Returns what every claim of a case should be; kept for equal cases."""
-    return _measure_kept(Kept(problem, (problem.claims, problem.axis, problem.seconds, problem.xml, problem.x,
+    return _measure_kept(ProblemKey(problem, (problem.claims, problem.axis, problem.seconds, problem.xml, problem.x,
                                         repr(sorted(problem.start.items())))))  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Kept:
+class ProblemKey:
     """A problem, compared by what it holds."""
 
     problem: Problem
@@ -162,16 +162,16 @@ class Kept:
         return hash(self.key)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Kept) and self.key == other.key
+        return isinstance(other, ProblemKey) and self.key == other.key
 
 
 @lru_cache(maxsize=MEASURED_MAX)
-def _measure_kept(kept: Kept) -> tuple[Measured, ...]:
+def _measure_kept(kept: ProblemKey) -> tuple[MeasuredClaim, ...]:
     bench = Bench(kept.problem)
     return tuple(measure_claim(bench, index) for index in range(len(kept.problem.claims)))
 
 
-def measure_claim(bench: Bench, index: int) -> Measured:
+def measure_claim(bench: Bench, index: int) -> MeasuredClaim:
     """Returns what one claim should be, with the trouble if there is any."""
     claim = bench.problem.claims[index]
     points = list_points(bench.problem, claim)
@@ -191,8 +191,8 @@ def measure_claim(bench: Bench, index: int) -> Measured:
             )
             for one, at_s in points
         ]
-    except (Unresolved, LabRefused, VerifyError) as error:
-        return Measured(nothing, 0.0, own, place_error(index, error))
+    except (RegimeFailure, LabRefused, VerifyError) as error:
+        return MeasuredClaim(nothing, 0.0, own, place_error(index, error))
     worst = max(limits, key=lambda limit: limit.uncertainty)
     values = np.array([limit.value for limit in limits])
     trouble = explain_doubt(index, worst.uncertainty, allowed, worst.cure)
@@ -202,16 +202,16 @@ def measure_claim(bench: Bench, index: int) -> Measured:
             "model's timestep, raise rtol or tol, or write timestep any, or given for a claim about the discretisation"
         )
         trouble = f"claims.{index}.timestep", why
-    return Measured(values, worst.uncertainty, own, trouble)
+    return MeasuredClaim(values, worst.uncertainty, own, trouble)
 
 
-def measure_given(bench: Bench, index: int, own: Floats, allowed: float) -> Measured:
+def measure_given(bench: Bench, index: int, own: Floats, allowed: float) -> MeasuredClaim:
     """Returns a claim about the discretisation itself: only nudged starts are varied. Raises as `Bench.measure`."""
     claim = bench.problem.claims[index]
     points = list_points(bench.problem, claim)
     nudged = [[bench.measure(claim, experiment, variant, at_s)[1] for experiment, at_s in points] for variant in NUDGED]
     noise = float(np.abs(np.array(nudged) - own).max())
-    return Measured(own, noise, own, explain_doubt(index, noise, allowed, describe_noise(noise)))
+    return MeasuredClaim(own, noise, own, explain_doubt(index, noise, allowed, describe_noise(noise)))
 
 
 def explain_doubt(index: int, uncertainty: float, allowed: float, cure: str) -> tuple[str, str] | None:

@@ -10,7 +10,7 @@ from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.claims.judge import Comparison, Outcome, to_json
 from grader.exercises.kinds.claims.measuring import read_series
 from grader.exercises.kinds.claims.parameters import Axis, Floats, Problem
-from grader.experiments.regime import Unresolved
+from grader.experiments.regime import RegimeFailure
 from grader.experiments.runs import SAME, VerifyError
 
 POINTS_MAX = 300
@@ -66,7 +66,7 @@ def draw_claim(case: str, problem: Problem, comparison: Comparison) -> Iterator[
         return
     try:
         run, series = read_series(problem.list_experiments(comparison.claim)[0], [comparison.claim.expr], SAME)
-    except (Unresolved, VerifyError, LabRefused):
+    except (RegimeFailure, VerifyError, LabRefused):
         return
     yield draw_run(case, np.array(run.times), series[:, 0], comparison)
 

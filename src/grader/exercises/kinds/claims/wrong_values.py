@@ -10,9 +10,9 @@ import numpy as np
 
 from grader.domain.quantities import QuantityName
 from grader.errors import LabRefused
-from grader.exercises.kinds.claims.measuring import Measured, list_points, read_series, read_value
+from grader.exercises.kinds.claims.measuring import MeasuredClaim, list_points, read_series, read_value
 from grader.exercises.kinds.claims.parameters import Claim, Experiment, Floats, Problem, compile_text
-from grader.experiments.regime import Unresolved
+from grader.experiments.regime import RegimeFailure
 from grader.experiments.runs import SAME, LabRun, Variant, VerifyError
 from grader.numerics.integrators import INTEGRATORS
 
@@ -38,7 +38,7 @@ class Other:
 class Scene:
     """A failed claim in its case, and the runs at the model's own timestep that wrong values are read from."""
 
-    def __init__(self, problem: Problem, claim: Claim, measured: Measured, all_right: tuple[Floats, ...]) -> None:
+    def __init__(self, problem: Problem, claim: Claim, measured: MeasuredClaim, all_right: tuple[Floats, ...]) -> None:
         self.problem, self.claim, self.measured, self.all_right = problem, claim, measured, all_right
         self._runs: dict[tuple[Experiment, Variant, tuple[str, ...]], tuple[LabRun, Floats]] = {}
 
@@ -71,7 +71,7 @@ class Scene:
                     for experiment, at_s in list_points(self.problem, claim)
                 ]
             )
-        except (Unresolved, VerifyError, LabRefused, ValueError):
+        except (RegimeFailure, VerifyError, LabRefused, ValueError):
             return None
 
     def read_one(self, claim: Claim, experiment: Experiment, variant: Variant, at_s: float) -> float:
@@ -84,7 +84,7 @@ class Scene:
         try:
             points = list_points(self.problem, self.claim)
             return np.array([self.run(experiment, SAME, (expr,))[1][0, 0] for experiment, _ in points])
-        except (Unresolved, VerifyError, LabRefused, ValueError):
+        except (RegimeFailure, VerifyError, LabRefused, ValueError):
             return None
 
     def measure_as(self, name: QuantityName, **changes: object) -> Floats | None:
@@ -99,7 +99,7 @@ class Scene:
         points = list_points(self.problem, self.claim)
         try:
             runs = [(self.run(experiment, SAME, exprs), at_s) for experiment, at_s in points] if exprs else []
-        except (Unresolved, VerifyError, LabRefused):
+        except (RegimeFailure, VerifyError, LabRefused):
             return
         for index, other in enumerate(others):
             yield (
@@ -160,7 +160,7 @@ class Scene:
                 one = replace(experiment, setup=setup)
                 found.append(self.read_one(self.claim, one, SAME, 0.0))
                 setup = self.write_end(one, more_s)
-        except (Unresolved, VerifyError, LabRefused, ValueError):
+        except (RegimeFailure, VerifyError, LabRefused, ValueError):
             return
         yield np.array(found)
 

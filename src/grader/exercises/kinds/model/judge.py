@@ -48,7 +48,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Compared:
+class Comparison:
     """One expression of a goal: what is wrong with it, empty if nothing is, and its values for the finding."""
 
     fault: str = ""
@@ -89,7 +89,7 @@ def require_values(problem: Problem) -> None:
                     raise WrongInCase(f"goals.{index}.{part}", f"the reference {why} in {expression}: correct either")
 
 
-def judge_goal(goal: Goal, id_: str, compared: Mapping[str, Compared], *, runs: bool) -> Part:
+def judge_goal(goal: Goal, id_: str, compared: Mapping[str, Comparison], *, runs: bool) -> Part:
     """Returns the finding of one goal; `runs` is whether its values are those at the end of a run."""
     wrong = {name: comparison for name, comparison in compared.items() if comparison.fault}
     wrong = dict(sorted(wrong.items(), key=lambda item: not item[1].missing))  # a name that lacks explains a number
@@ -111,7 +111,7 @@ def judge_goal(goal: Goal, id_: str, compared: Mapping[str, Compared], *, runs: 
 
 def compare_goal(
     goal: Goal, mine: Mapping[str, Any], its: Mapping[str, Any], names: Mapping[str, Sequence[str]]
-) -> Iterator[tuple[str, Compared]]:
+) -> Iterator[tuple[str, Comparison]]:
     """Yields each expression of a goal with what is wrong."""
     for expression in goal.same:
         one, other = mine["same"][expression], its["same"][expression]
@@ -121,7 +121,7 @@ def compare_goal(
         if not comparison.fault and mine["half"]:
             halves = compare_same(goal, expression, mine["half"][expression], its["half"][expression])
             if halves.fault:
-                comparison = Compared(f"With half the timestep, {halves.fault[0].lower()}{halves.fault[1:]}")
+                comparison = Comparison(f"With half the timestep, {halves.fault[0].lower()}{halves.fault[1:]}")
         yield expression, explain_missing(expression, one, names) or comparison
     for expression, allowed in goal.within.items():
         one, other = mine["within"][expression], its["within"][expression]
@@ -131,7 +131,7 @@ def compare_goal(
         yield expression, explain_missing(expression, one, names) or comparison
 
 
-def explain_missing(expression: str, one: Mapping[str, Any], names: Mapping[str, Sequence[str]]) -> Compared | None:
+def explain_missing(expression: str, one: Mapping[str, Any], names: Mapping[str, Sequence[str]]) -> Comparison | None:
     """Returns the fault of an expression that asks for an element which the model lacks; None where it does not."""
     if "missing" not in one:
         return None
@@ -144,27 +144,27 @@ def explain_missing(expression: str, one: Mapping[str, Any], names: Mapping[str,
         fault += f", but one named {near[0]!r}"
     elif "" in there:
         fault += f', but {"an" if kind[:1] in "aeiou" else "a"} {kind} without a name: write name="{name}"'
-    return Compared(f"{fault}.", missing=(name,))
+    return Comparison(f"{fault}.", missing=(name,))
 
 
-def compare_same(goal: Goal, expression: str, one: Mapping[str, Any], other: Mapping[str, Any]) -> Compared:
+def compare_same(goal: Goal, expression: str, one: Mapping[str, Any], other: Mapping[str, Any]) -> Comparison:
     """Returns how the values of an expression differ from those of the reference."""
     its = read_values(other)
     if "values" not in one:
-        return Compared(f"{expression} cannot be had: {one.get('raised', 'it is missing')}.", None, shorten(its))
+        return Comparison(f"{expression} cannot be had: {one.get('raised', 'it is missing')}.", None, shorten(its))
     mine = read_values(one)
     measured, expected = shorten(mine), shorten(its)
     if "lost" in one and "lost" not in other:
-        return Compared("The simulation blows up, and MuJoCo gives it up.", None, expected)
+        return Comparison("The simulation blows up, and MuJoCo gives it up.", None, expected)
     if mine is None or its is None or mine.shape != its.shape:
-        return Compared(f"{expression} has another number of values.", measured, expected)
+        return Comparison(f"{expression} has another number of values.", measured, expected)
     scale = float(np.nanmax(np.abs(its), initial=0.0))
     signs = (1, -1) if QUATERNION.search(expression) else (1,)
     errors = [np.abs(sign * mine - its) for sign in signs]
     error = min(errors, key=lambda each: float(np.nan_to_num(each, nan=np.inf).max(initial=0.0)))
     if bool(np.all(error <= goal.atol + goal.rtol * scale)):
-        return Compared("", measured, expected)
-    return Compared(describe_difference(expression, mine, its), measured, expected)
+        return Comparison("", measured, expected)
+    return Comparison(describe_difference(expression, mine, its), measured, expected)
 
 
 def describe_difference(expression: str, mine: NDArray[np.float64], its: NDArray[np.float64]) -> str:
@@ -178,21 +178,21 @@ def describe_difference(expression: str, mine: NDArray[np.float64], its: NDArray
     return f"{expression} is not what it should be."
 
 
-def compare_range(goal: Goal, expression: str, one: Mapping[str, Any], allowed: Sequence[float]) -> Compared:
+def compare_range(goal: Goal, expression: str, one: Mapping[str, Any], allowed: Sequence[float]) -> Comparison:
     """Returns whether the values of an expression are within a range."""
     low, high = allowed
     if "values" not in one:
-        return Compared(f"{expression} cannot be had: {one.get('raised', 'it is missing')}.", None, [low, high])
+        return Comparison(f"{expression} cannot be had: {one.get('raised', 'it is missing')}.", None, [low, high])
     values = read_values(one)
     if "lost" in one or values is None or not values.size:
-        return Compared("The simulation blows up, and MuJoCo gives it up.", None, [low, high])
+        return Comparison("The simulation blows up, and MuJoCo gives it up.", None, [low, high])
     looked = values if goal.when == "always" else values[-1:]
     if bool(np.all((looked >= low) & (looked <= high))):
-        return Compared("", shorten(looked), [low, high])
+        return Comparison("", shorten(looked), [low, high])
     way = "too large" if bool(np.any(looked > high)) else "too small"
     when = "at some time" if goal.when == "always" and len(looked) > 1 else "at the end" if len(values) > 1 else ""
     worst = looked.max() if way == "too large" else looked.min()
-    return Compared(f"{expression} is {way} {when}".rstrip() + ".", float(f"{worst:.{FIGURES}g}"), [low, high])
+    return Comparison(f"{expression} is {way} {when}".rstrip() + ".", float(f"{worst:.{FIGURES}g}"), [low, high])
 
 
 def read_values(one: Mapping[str, Any]) -> NDArray[np.float64] | None:

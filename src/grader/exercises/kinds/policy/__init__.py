@@ -17,7 +17,7 @@ from grader.exercises.episodes.simulating import EpisodeRun, list_constant_laws,
 from grader.exercises.film import Film
 from grader.exercises.kind import Content, DrawnCase, JudgedTrial, Judgement, Kind, Results, Trial
 from grader.exercises.kinds.policy import driver, onnx
-from grader.exercises.kinds.policy.judge import Ran, judge_policy, list_shapes
+from grader.exercises.kinds.policy.judge import SimulatedPolicy, judge_policy, list_shapes
 from grader.exercises.kinds.policy.mistakes import name_the_mistake
 from grader.exercises.kinds.policy.network import write_constant
 from grader.exercises.kinds.policy.parameters import NUMBERS_MAX, PolicyParameters, count_numbers
@@ -83,7 +83,9 @@ class Policy(Kind[PolicyParameters, Problem, Any]):
         self, parameters: PolicyParameters, visible: Sequence[JudgedTrial[Problem, Any]]
     ) -> dict[str, Any]:
         """Returns charts of the motion and of the controls."""
-        return build_evidence(parameters, [trial for trial in visible if isinstance(trial.judgement.outcome, Ran)])
+        return build_evidence(
+            parameters, [trial for trial in visible if isinstance(trial.judgement.outcome, SimulatedPolicy)]
+        )
 
     def record_films(
         self, parameters: PolicyParameters, trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any],

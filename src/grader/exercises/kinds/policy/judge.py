@@ -16,14 +16,14 @@ REFUSAL_CHARS_MAX = 500
 
 
 @dataclass(frozen=True)
-class Ran(Outcome):
+class SimulatedPolicy(Outcome):
     """The records of a policy, and the network."""
 
     network: Network
 
 
 @dataclass(frozen=True)
-class Refused:
+class RefusedFile:
     """A file that holds no policy of the declared form, and why."""
 
     why: str
@@ -41,7 +41,7 @@ def judge_policy(parameters: PolicyParameters, trial: Trial[Problem], results: R
     if network is None:
         why = read_refusal(results)
         return Judgement(
-            False, why, Refused(why), crashed="unreadable" in results and bool(results["unreadable"].any())
+            False, why, RefusedFile(why), crashed="unreadable" in results and bool(results["unreadable"].any())
         )
 
     def law(time_s: float, observed: Any) -> Any:
@@ -51,7 +51,7 @@ def judge_policy(parameters: PolicyParameters, trial: Trial[Problem], results: R
     records = [simulate_law(parameters, problem, index, law, problem.periods) for index in indices]
     judgement = judge_records(parameters, problem, records, hidden=trial.hidden)
     outcome = judgement.outcome
-    return replace(judgement, outcome=Ran(outcome.records, outcome.failed, network))
+    return replace(judgement, outcome=SimulatedPolicy(outcome.records, outcome.failed, network))
 
 
 def read_refusal(results: Results) -> str:

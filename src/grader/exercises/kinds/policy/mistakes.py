@@ -11,7 +11,7 @@ from grader.exercises.episodes.parameters import Problem
 from grader.exercises.episodes.simulating import Record
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.policy.bench import Bench
-from grader.exercises.kinds.policy.judge import Ran, Refused
+from grader.exercises.kinds.policy.judge import RefusedFile, SimulatedPolicy
 from grader.exercises.kinds.policy.network import Network
 from grader.exercises.kinds.policy.parameters import PolicyParameters
 from grader.exercises.kinds.policy.variants import Variant, list_variants
@@ -51,10 +51,10 @@ TUNED = (
 def name_the_mistake(parameters: PolicyParameters, judged: Sequence[Judged]) -> str | None:
     """Returns the sentence of the first mistake that explains the failed cases."""
     wrong = [trial for trial in judged if not trial.counts]
-    refused = next((trial for trial in wrong if isinstance(trial.judgement.outcome, Refused)), None)
+    refused = next((trial for trial in wrong if isinstance(trial.judgement.outcome, RefusedFile)), None)
     if refused is not None:
         return refused.judgement.message
-    failed = [(trial, outcome) for trial in wrong if isinstance(outcome := trial.judgement.outcome, Ran)]
+    failed = [(trial, outcome) for trial in wrong if isinstance(outcome := trial.judgement.outcome, SimulatedPolicy)]
     if not failed or len(failed) < len(wrong):
         return None
     for _, outcome in failed:
@@ -69,7 +69,7 @@ def name_the_mistake(parameters: PolicyParameters, judged: Sequence[Judged]) -> 
     return explain_motion(*failed[0])
 
 
-def explain_motion(judged: Judged, outcome: Ran) -> str | None:
+def explain_motion(judged: Judged, outcome: SimulatedPolicy) -> str | None:
     """Returns what is left to say of a policy that no variant mends: what it ignores, or that it always does its
     utmost."""
     ignored = np.flatnonzero(~outcome.network.layers[0][0].any(axis=1))

@@ -27,7 +27,7 @@ class Motion(BaseModel):
     ended: bool = False
 
 
-class Measured(BaseModel):
+class MeasuredDifference(BaseModel):
     """The difference in position against time [s], as the evidence has it."""
 
     case: str
@@ -64,7 +64,9 @@ def record_films(trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any]) 
     """Yields the film of the motion that the evidence has, beside MuJoCo's RK4 under the same force."""
     try:
         motion = Motion.model_validate(evidence.get("motion"))
-        differences = [Measured.model_validate(difference) for difference in evidence.get("differences") or []]
+        differences = [
+            MeasuredDifference.model_validate(difference) for difference in evidence.get("differences") or []
+        ]
     except (ValidationError, TypeError):
         return
     trial = next((candidate for candidate in trials if candidate.id == motion.case), None)
@@ -96,7 +98,7 @@ def record_films(trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any]) 
     )
 
 
-def describe_distance(measured: Measured) -> str:
+def describe_distance(measured: MeasuredDifference) -> str:
     """Says how far the two motions are apart, and whether it can be seen."""
     values = [value for value in measured.qpos if value is not None and isfinite(value)]
     largest = max(values, default=0.0)

@@ -28,7 +28,7 @@ BELOW, ABOVE = 0.99, 1.01
 Read = TypeVar("Read")
 
 
-class Claimed(BaseModel):
+class ClaimRecord(BaseModel):
     """A claim as the evidence has it [ms]."""
 
     case: str
@@ -94,9 +94,9 @@ def record_timestep(
         yield from shoot(parameters, "chosen", f"At {1000 * timestep_s:.4g} ms", takes)
 
 
-def choose_case(by_id: Collection[str], evidence: Mapping[str, Any], failed: Collection[str]) -> Sequence[Claimed]:
+def choose_case(by_id: Collection[str], evidence: Mapping[str, Any], failed: Collection[str]) -> Sequence[ClaimRecord]:
     """Returns the claims of the first case with a failed trial, else of the first; none without claims."""
-    claims = [claim for claim in read(evidence.get("claims"), Claimed) if claim.case in by_id]
+    claims = [claim for claim in read(evidence.get("claims"), ClaimRecord) if claim.case in by_id]
     cases = [list(some) for _, some in groupby(claims, key=lambda claim: claim.case.rpartition(".")[0])]
     return next((some for some in cases if any(claim.case in failed for claim in some)), cases[0] if cases else [])
 
@@ -115,7 +115,7 @@ def read(values: Any, kind: type[Read]) -> list[Read]:
         return []
 
 
-def take_claim(parameters: ThresholdParameters, trial: Trial[Cell], claim: Claimed, end: int) -> Iterator[Take]:
+def take_claim(parameters: ThresholdParameters, trial: Trial[Cell], claim: ClaimRecord, end: int) -> Iterator[Take]:
     """Yields the run at one end of a claim, if it lies within the search. None claims that the longest timestep is
     stable."""
     shortest, longest = parameters.search_s

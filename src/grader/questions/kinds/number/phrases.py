@@ -6,7 +6,7 @@ from enum import Enum
 from grader.questions.kinds.number.units import known_unit
 
 
-class Asks(Enum):
+class AskedBound(Enum):
     """Which bound of a quantity a question asks for: an answer such as `at most 5 ms` then is one number."""
 
     LARGEST = "largest"
@@ -35,15 +35,15 @@ JUST = r"(?:(?:just|strictly|anything|everything|always) )?"
 BEFORE_NUMBER = r"(?: ?: ?| ?(?=[0-9.,(])| (?=about |approx))"
 
 BOUNDS = {
-    Asks.LARGEST: rf"at most|up to|max(?:imum|imal)?(?: of|\.)?|{NOT} {MORE} than|{LESS} {THAN}|below|under|höchstens"
-    r"|bis zu|≤|<=|=<|<",
-    Asks.SMALLEST: rf"at least|from|min(?:imum|imal)?(?: of|\.)?|{NOT} {LESS} than|{MORE} {THAN}|above|over|mindestens"
-    r"|≥|>=|=>|>",
+    AskedBound.LARGEST: rf"at most|up to|max(?:imum|imal)?(?: of|\.)?|{NOT} {MORE} than|{LESS} {THAN}|below|under"
+    r"|höchstens|bis zu|≤|<=|=<|<",
+    AskedBound.SMALLEST: rf"at least|from|min(?:imum|imal)?(?: of|\.)?|{NOT} {LESS} than|{MORE} {THAN}|above|over"
+    r"|mindestens|≥|>=|=>|>",
 }
 BEFORE = {asks: re.compile(rf"{SUBJECT}{JUST}(?:{words}){BEFORE_NUMBER}", re.I) for asks, words in BOUNDS.items()}
 BEHIND = {
-    Asks.LARGEST: re.compile(rf",? (?:or (?:{LESS}|below|under)|max(?:imum)?|at most)[.! ]*$", re.I),
-    Asks.SMALLEST: re.compile(rf",? (?:or (?:{MORE}|above|over)|min(?:imum)?|at least)[.! ]*$", re.I),
+    AskedBound.LARGEST: re.compile(rf",? (?:or (?:{LESS}|below|under)|max(?:imum)?|at most)[.! ]*$", re.I),
+    AskedBound.SMALLEST: re.compile(rf",? (?:or (?:{MORE}|above|over)|min(?:imum)?|at least)[.! ]*$", re.I),
 }
 OTHER = re.compile(r"\b(?:or|and|to|not|between)\b", re.I)
 """Words after which a bound is not one number: `less than 5 or more than 7`."""
@@ -64,13 +64,17 @@ NON_BREAKING = re.compile(r"(?<=[0-9]) ?~ ?(?=[^\W\d]|$)")
 """TeX's space between a number and its unit, typed without the rest of TeX."""
 
 
-def find_asked_bound(question: str) -> Asks | None:
+def find_asked_bound(question: str) -> AskedBound | None:
     """Returns which bound a question asks for, by its words; None if by none, or by both."""
-    found = [asks for asks, words in ((Asks.LARGEST, LARGEST), (Asks.SMALLEST, SMALLEST)) if words.search(question)]
+    found = [
+        asks
+        for asks, words in ((AskedBound.LARGEST, LARGEST), (AskedBound.SMALLEST, SMALLEST))
+        if words.search(question)
+    ]
     return found[0] if len(found) == 1 else None
 
 
-def drop_bound(text: str, asks: Asks) -> str:
+def drop_bound(text: str, asks: AskedBound) -> str:
     """Returns an answer without the words that make it the bound that is asked for; others are left as they are."""
     match = BEFORE[asks].match(text)
     rest = text[match.end() :] if match else text

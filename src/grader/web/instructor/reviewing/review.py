@@ -36,7 +36,7 @@ from grader.web.learner.pages import show_sign_in
 from grader.web.text.prose import cached_prose
 from grader.web.text.questions import describe_quiz, list_titles
 from grader.web.verdict.card import build_card
-from grader.web.verdict.work import Given, read_comments, read_in_full
+from grader.web.verdict.work import GivenAnswer, read_comments, read_in_full
 
 COUNTED_MAX = 1000
 """Answers that are counted of those that wait."""
@@ -49,7 +49,7 @@ router = page_router()
 
 
 @dataclass(frozen=True)
-class Typed:
+class ReviewForm:
     """The fields of a review's form, as they were typed."""
 
     ticked: frozenset[str] = frozenset()
@@ -166,7 +166,7 @@ def get_submission(session: Session, who: Identity, submission_id: str) -> Submi
     return row
 
 
-def decide(at: Sitting, submission_id: str, typed: Typed, version: str) -> str:
+def decide(at: Sitting, submission_id: str, typed: ReviewForm, version: str) -> str:
     """Keeps a mark; returns what is to be said of it. Raises Conflict, Outdated, Unprocessable, NotFound."""
     with at.services.database.write() as session:
         row = get_submission(session, at.who, submission_id)
@@ -180,7 +180,7 @@ def decide(at: Sitting, submission_id: str, typed: Typed, version: str) -> str:
         return "agree" if reviews.mark_second(at.desk, session, at.who, row, mark).second == AGREED else "differ"
 
 
-def parse_mark(typed: Typed, *, has_rubric: bool) -> Mark:
+def parse_mark(typed: ReviewForm, *, has_rubric: bool) -> Mark:
     """Returns the mark that was typed. Raises Unprocessable."""
     if len(typed.comment) > comments.REVIEW_CHARACTERS_MAX:
         raise Unprocessable(f"A comment has at most {comments.REVIEW_CHARACTERS_MAX} characters.")
@@ -208,7 +208,7 @@ def release(at: Sitting, submission_id: str) -> None:
         reviews.release(session, at.who, get_submission(session, at.who, submission_id))
 
 
-def change_comments(at: Sitting, submission_id: str, typed: Typed, do: str) -> Typed:
+def change_comments(at: Sitting, submission_id: str, typed: ReviewForm, do: str) -> ReviewForm:
     """Inserts, saves, replaces or deletes a saved comment; the form after it. Raises Unprocessable, Conflict."""
     with at.services.database.write() as session:
         row, text = get_submission(session, at.who, submission_id), typed.comment.strip()
@@ -227,23 +227,23 @@ def change_comments(at: Sitting, submission_id: str, typed: Typed, do: str) -> T
     return typed
 
 
-def parse_typed(form: dict[str, str]) -> Typed:
+def parse_typed(form: dict[str, str]) -> ReviewForm:
     """Says what a form holds."""
     ticked = frozenset(name.removeprefix("item-") for name in form if name.startswith("item-"))
     comment = form.get("comment", "").replace("\r\n", "\n")
-    return Typed(ticked, form.get("points", "").strip(), comment, form.get("saved", ""))
+    return ReviewForm(ticked, form.get("points", "").strip(), comment, form.get("saved", ""))
 
 
-def restore_typed(given: Given) -> Typed:
+def restore_typed(given: GivenAnswer) -> ReviewForm:
     """Returns the form as the last reviewer of an answer left it; empty before the first."""
     review = next((finding for finding in (given.verdict or {}).get("findings", ()) if finding["id"] == REVIEW), None)
     if review is None:
-        return Typed()
+        return ReviewForm()
     measured = review["measured"] or {}
     ticked = frozenset(item["id"] for item in measured.get("rubric", ()))
     comment = "" if review["message"] == NO_COMMENT else review["message"]
     by_hand = measured.get("by_hand") or not ticked
-    return Typed(ticked, f"{review['points']:.12g}" if by_hand else "", comment)
+    return ReviewForm(ticked, f"{review['points']:.12g}" if by_hand else "", comment)
 
 
 def list_rubric(question: Question | None) -> list[dict[str, Any]]:
@@ -252,7 +252,13 @@ def list_rubric(question: Question | None) -> list[dict[str, Any]]:
 
 
 def render(
-    request: Request, at: Sitting, submission_id: str, status: int = 200, *, typed: Typed | None = None, **more: Any
+    request: Request,
+    at: Sitting,
+    submission_id: str,
+    status: int = 200,
+    *,
+    typed: ReviewForm | None = None,
+    **more: Any,
 ) -> Response:
     """Renders the page of one answer, with what was typed or was given before. Raises NotFound."""
     desk, who = at.desk, at.who
@@ -315,7 +321,7 @@ def list_waiting(at: Sitting, session: Session) -> Sequence[WaitingQuestion]:
     return stored.count_waiting(session, at.chosen.queue(at.desk, session, at.who), COUNTED_MAX)
 
 
-def describe_question(library: Library, quiz: str, question: Question | None, given: Given) -> dict[str, Any]:
+def describe_question(library: Library, quiz: str, question: Question | None, given: GivenAnswer) -> dict[str, Any]:
     """What the desk says of a question: its text, the answer to it, and the reference; the answer once it is gone."""
     if question is None:
         return {"answer": given.text}

@@ -82,7 +82,7 @@ RunJob = Callable[[Job], RunReport]
 
 
 @dataclass(frozen=True)
-class Edited:
+class EditedProgram:
     """The results of a program with one edit: of all calls, one array after the other, in one row."""
 
     kind: str
@@ -113,7 +113,7 @@ def list_edits(source: str, entry: str) -> tuple[edits.Edit, ...]:
 
 def run_edits(
     source: str, calls: Sequence[StudentCall], shapes: Sequence[tuple[int, ...]], run: RunJob, kinds: Sequence[str] = ()
-) -> list[Edited]:
+) -> list[EditedProgram]:
     """Returns the results of a program with each edit of some kinds, of all by default. Raises JailFault."""
     problem = calls[0].problem
     known = list_edits(source, problem.name)
@@ -132,7 +132,7 @@ def run_edits(
         return []
     numbers: Any = rows
     return [
-        Edited(*known[index], row)
+        EditedProgram(*known[index], row)
         for index, row in zip(which.tolist(), numbers, strict=True)
         if isinstance(index, int) and 0 <= index < len(known)
     ]
@@ -195,7 +195,7 @@ def list_expected_shapes(calls: Sequence[StudentCall]) -> list[tuple[int, ...]]:
     return [right.shape for call in calls for right in call.comparison.expected or ()]
 
 
-def find_repair(visible: Sequence[StudentCall], source: str, run: RunJob, kinds: Sequence[str]) -> Edited | None:
+def find_repair(visible: Sequence[StudentCall], source: str, run: RunJob, kinds: Sequence[str]) -> EditedProgram | None:
     """Returns the edit of the student's program that makes every visible call right; None if none does, or edits of one
     kind in several lines. Hidden calls are left out: which edit is told could tell their numbers. Raises JailFault."""
     chosen = sorted(visible, key=lambda call: not call.comparison.why)[:CALLS_MAX]
