@@ -40,6 +40,10 @@ class Library:
         except KeyError:
             raise NotFound(f"There is no quiz {quiz_id!r}.") from None
 
+    def list_asking(self) -> list[Quiz]:
+        """Returns the quizzes that have questions; others have labs alone."""
+        return [quiz for quiz in self.quizzes.values() if quiz.questions]
+
     def question(self, quiz_id: str, question_id: str) -> Question:
         """Returns one question of a quiz. Raises NotFound."""
         return self.find(quiz_id, question_id)[1]

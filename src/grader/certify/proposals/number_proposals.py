@@ -180,12 +180,12 @@ class NumberSearch:
 
     def fit(self, shown: Sequence[ShownExpression]) -> Iterator[FittedExpression]:
         """Yields the expressions that are in the unit; as they are where a quantity is read from moments alone."""
-        for fit in shown:
-            fitted = fit_unit(fit, self.scene.model, self.unit)
+        for expression in shown:
+            fitted = fit_unit(expression, self.scene.model, self.unit)
             if fitted is not None and any(name not in BASE_UNITS for name in self.names):
                 yield fitted
             elif any(name in BASE_UNITS for name in self.names):
-                yield FittedExpression(fit.expr, fit, None, is_certain=False)
+                yield FittedExpression(expression.expr, expression, None, is_certain=False)
 
     def measure(
         self, fit: FittedExpression, name: Measured, seconds: float, times: Floats, values: Floats

@@ -82,16 +82,14 @@ def count_new(new: Sequence[NewSubmission], states: Mapping[LearnerAt, QuestionS
     new attempt decide together what counts now: the time does not grow with the number of attempts."""
     counts = NewResults()
     for submission in new:
-        state, before = states[submission.place], states[submission.place].result
-        if (
-            before is not None
-            and find_policy(submission.library, submission.place.quiz, state.changes).counts == "average"
-        ):
-            counts.averages[submission.place] = submission.library
+        place, state = submission.place, states[submission.place]
+        before = state.result
+        if before is not None and find_policy(submission.library, place.quiz, state.changes).counts == "average":
+            counts.averages[place] = submission.library
         elif (values := count_one_more(submission, state)) is not None:
             state.result = after = results.change(before, submission.place, values)
             if after is not before:
-                counts.changed[submission.place] = after
+                counts.changed[place] = after
             if before is None or after["revision"] != before["revision"]:
                 counts.revised.append(after)
             if values["submission_id"] == submission.submission.id:

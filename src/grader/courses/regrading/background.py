@@ -158,7 +158,7 @@ class Regrading:
         self.database.lock(session, f"reviews\n{regrade.course}")
         items = {
             item.number: item
-            for item in regrades.get_numbered(session, regrade.id, [outcome.work.number for outcome in done])
+            for item in regrades.get_numbered(session, regrade.id, [regraded.work.number for regraded in done])
         }
         found = {
             submission.id: submission
@@ -167,9 +167,9 @@ class Regrading:
         storing = _Storing(self, session, regrade, self.archive.current_library(session, regrade.course, regrade.quiz))
         pause_s = 0.0
         for _, theirs in groupby(done, key=lambda one: one.work.place):
-            for outcome in theirs:  # in their order, so that the first tells what counted before
-                item = items[outcome.work.number]
-                if waits_s := storing.settle(item, found.get(item.submission_id), outcome):
+            for regraded in theirs:  # in their order, so that the first tells what counted before
+                item = items[regraded.work.number]
+                if waits_s := storing.settle(item, found.get(item.submission_id), regraded):
                     pause_s = max(pause_s, waits_s)
                     break
         session.flush()

@@ -44,9 +44,8 @@ def compare_scripts(
     """Compares the newest script of every learner at an exercise."""
     quiz, question = at
     answers = reader.read_for(desk, session, who, quiz, question)
-    newest = sorted((theirs[-1] for theirs in answers.by_learner.values()), key=lambda attempt: attempt.id)[
-        -SCRIPTS_MAX:
-    ]
+    last = sorted((theirs[-1] for theirs in answers.by_learner.values()), key=lambda attempt: attempt.id)
+    newest = last[-SCRIPTS_MAX:]
     names = {attempt.id: attempt.name for attempt in newest}
     sources = {row.id: read_source(row.answer) for row in submissions.get_several(session, list(names))}
     given = hash_given(list_given(desk.library, quiz, question))

@@ -139,14 +139,9 @@ def name_choices(answers: ClassAnswers, question: Question) -> ClassAnswers:
         return answers
 
     def name(attempt: ClassAttempt) -> ClassAttempt:
-        if (
-            attempt.mistake is None
-            or attempt.mistake.sentence
-            or not attempt.options
-            or max(attempt.options) >= len(texts)
-        ):
+        chosen, mistake = sorted(attempt.options), attempt.mistake
+        if mistake is None or mistake.sentence or not chosen or chosen[-1] >= len(texts):
             return attempt
-        chosen = sorted(attempt.options)
         key = OPTION + "-".join(map(str, chosen))
         return replace(attempt, mistake=Mistake(key, "Chose: " + "; ".join(texts[place] for place in chosen), ""))
 

@@ -113,6 +113,5 @@ def count_shared(made: Iterable[tuple[str, str, Any]]) -> list[SharedMistake]:
     counts = Counter((quiz, question, one.key) for quiz, question, one in found)
     names = {(quiz, question, one.key): one.name for quiz, question, one in found}
     shared = [SharedMistake(*at, names[at], learners) for at, learners in counts.items() if learners >= SHARED_MIN]
-    return sorted(shared, key=lambda mistake: (-mistake.learners, mistake.quiz, mistake.question, mistake.name))[
-        :SHARED_MAX
-    ]
+    shared.sort(key=lambda mistake: (-mistake.learners, mistake.quiz, mistake.question, mistake.name))
+    return shared[:SHARED_MAX]

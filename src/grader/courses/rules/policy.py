@@ -140,11 +140,9 @@ def has_opened(policy: Policy, now: datetime, role: str) -> bool:
 
 def before_opening(policy: Policy, now: datetime) -> str | None:
     """When the quiz opens, in a sentence; None once it has."""
-    return (
-        f"This quiz opens on {format_moment(policy.opens)}."
-        if policy.opens is not None and now < policy.opens
-        else None
-    )
+    if policy.opens is None or now >= policy.opens:
+        return None
+    return f"This quiz opens on {format_moment(policy.opens)}."
 
 
 def decide(

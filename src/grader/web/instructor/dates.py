@@ -90,7 +90,7 @@ def render(
 ) -> Response:  # fmt: skip
     """Renders the page of a quiz, see `choose_quiz`, with the outcome of a form and what was typed."""
     library = services.library_for(who)
-    quizzes = [candidate for candidate in library.quizzes.values() if candidate.questions]
+    quizzes = library.list_asking()
     if not quizzes:
         return page(request, "dates.html", status, PRIVATE, who=who, quizzes=[])
     chosen = choose_quiz(services, who, quizzes, quiz)

@@ -49,7 +49,7 @@ def show(
 def render(request: Request, services: Services, who: Identity, quiz: str, status: int = 200, **more: Any) -> Response:
     """Renders the page of a quiz, see `choose_quiz`, with the outcome of a form."""
     library = services.library_for(who)
-    quizzes = [candidate for candidate in library.quizzes.values() if candidate.questions]
+    quizzes = library.list_asking()
     if not quizzes:
         return page(request, "extensions.html", who=who, quizzes=[])
     chosen = choose_quiz(services, who, quizzes, quiz)
@@ -106,9 +106,8 @@ def grant(request: Request, services: AppServices, who: Instructor, form: Form) 
             chosen = choose_learners(
                 form, people.list_learners(session, who.course), marks := make_marks(session, who.course)
             )
-            for learner in sorted(
-                chosen, key=lambda member: member.id
-            ):  # in one order, so that two pages never deadlock
+            in_one_order = sorted(chosen, key=lambda learner: learner.id)  # so that two pages never deadlock
+            for learner in in_one_order:
                 results.grant(services.database, library, session, learner, quiz, granted=granted, by=who)
             names = [mark_name(member.name, member.id, marks) for member in chosen]
             policy = read_policies(session, library, who.course, [quiz])[quiz]

@@ -98,7 +98,7 @@ def gradebook(
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
     library = services.library_for(who)
-    quizzes = [candidate for candidate in library.quizzes.values() if candidate.questions]
+    quizzes = library.list_asking()
     if not quizzes:
         return page(request, "gradebook.html", who=who, quizzes=[])
     chosen = [library.quiz(quiz)] if quiz else quizzes

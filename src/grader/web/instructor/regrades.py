@@ -102,7 +102,7 @@ def render_list(request: Request, services: Services, who: Identity, status: int
         found = stored.page(session, who.course, None, SHOWN)
         listed = [regrades.describe_regrade(regrade, stored.count_by_outcome(session, regrade)) for regrade in found]
     library = services.library_for(who)
-    quizzes = [quiz for quiz in library.quizzes.values() if quiz.questions]
+    quizzes = library.list_asking()
     shown: dict[str, Any] = {
         "quizzes": quizzes,
         "scopes": SCOPES,

@@ -75,7 +75,7 @@ def statistics(
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
     library = services.library_for(who)
-    quizzes = [candidate for candidate in library.quizzes.values() if candidate.questions]
+    quizzes = library.list_asking()
     if not quizzes:
         return page(request, "statistics.html", who=who, quizzes=[])
     chosen = choose_quiz(services, who, quizzes, quiz)

@@ -85,7 +85,7 @@ def show_choices(request: Request, services: Services, library: Library, launch:
         "platform": launch.platform.id, "deployment": launch.deployment_id, "course": arrival.member.course,
         "selection": vars(launch.selection),
     }  # fmt: skip
-    quizzes = [describe_quiz(library, quiz) for quiz in library.quizzes.values() if quiz.questions]
+    quizzes = [describe_quiz(library, quiz) for quiz in library.list_asking()]
     return show_framed(
         request, "lti_choose.html", launch.platform, ticket=issue_ticket(services, CHOICE, body),
         quizzes=quizzes, course=arrival.member.course, takes_many=launch.selection.takes_many,

@@ -122,7 +122,7 @@ def show(
     if looked_up:
         with services.database.write() as session:
             record(session, who, who.course, Action.LOOKED_UP, chosen.user)
-    quizzes = [describe_quiz(desk.library, quiz) for quiz in desk.library.quizzes.values() if quiz.questions]
+    quizzes = [describe_quiz(desk.library, quiz) for quiz in desk.library.list_asking()]
     following = rows[ROWS - 1].id if len(rows) > ROWS else None
     shown: dict[str, Any] = {"quizzes": quizzes, "lists": LISTS, "chosen": chosen, "following": following}
     return page(request, "review.html", who=who, rows=rows[:ROWS], said=said, last=last, **shown)
