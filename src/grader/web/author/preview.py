@@ -13,7 +13,7 @@ from grader.errors import InvalidAnswer
 from grader.library import Library
 from grader.questions import Fields, Question, Quiz, grade_answer, kind_of
 from grader.web.learner.lesson import AskedQuestion, TypedAnswer, describe_question
-from grader.web.text.questions import describe_quiz
+from grader.web.text.questions import present_question
 from grader.web.text.statuses import Badge, describe_status
 from grader.web.verdict.work import GivenAnswer, Work, describe_place
 
@@ -113,8 +113,7 @@ def build_asked(
     place = describe_place(access, quiz, question, given, None)
     if given is not None and given.is_decided and decision.shown >= Visibility.FEEDBACK:
         place = replace(place, points=found[1].points if found else None)
-    view = next(candidate for candidate in describe_quiz(library, quiz)["questions"] if candidate["id"] == question.id)
-    view["path"] = f"/try/{quiz.id}/{question.id}"
+    view = present_question(library, quiz.id, question) | {"path": f"/try/{quiz.id}/{question.id}"}
     return describe_question(view, question, quiz.id, Work(access, {(quiz.id, question.id): place}), typed)
 
 

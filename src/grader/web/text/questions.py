@@ -29,7 +29,7 @@ def describe_quiz(library: Library, quiz: Quiz) -> dict[str, Any]:
     return {
         "id": quiz.id,
         "title": plain_text(quiz.title),
-        "questions": [describe_question(quiz.id, question, library.starter(question)) for question in quiz.questions],
+        "questions": [present_question(library, quiz.id, question) for question in quiz.questions],
         "labs": [describe_lab(lab) | {"title": plain_text(lab.title or "")} for lab in quiz.labs],
     }
 
@@ -39,7 +39,7 @@ def describe_unopened(quiz: Quiz, opens: str) -> dict[str, Any]:
     return {"id": quiz.id, "title": plain_text(quiz.title), "opens": opens, "questions": [], "labs": []}
 
 
-def describe_question(quiz_id: str, question: Question, starter: str | None) -> dict[str, Any]:
+def present_question(library: Library, quiz_id: str, question: Question) -> dict[str, Any]:
     """One question: its text as safe HTML, its points, attempts and limits as sentences, and its kind's template."""
     kind, view = kind_of(question), question_view(question)
     form = FORMS[view.get("takes", "python")]
@@ -51,7 +51,7 @@ def describe_question(quiz_id: str, question: Question, starter: str | None) -> 
         "numbers": describe_numbers(question),
         "worth": describe_worth(question.points, question.attempts),
         "allowance": describe_limits(view["limits"]) if view.get("takes") == "python" else "",
-        "starter": starter,
+        "starter": library.starter(question),
         "form": form,
         "starter_suffix": Path(kind.starter(question) or "").suffix,
         "path": f"/quizzes/{quiz_id}/{question.id}",

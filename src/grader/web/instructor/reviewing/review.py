@@ -34,7 +34,7 @@ from grader.web.frame.rendering import page
 from grader.web.instructor.reviewing.review_list import ALL, DIFFER, FIRST, PAGE, SECOND, Choice, name_learner
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.prose import cached_prose
-from grader.web.text.questions import describe_quiz, list_titles
+from grader.web.text.questions import list_titles, present_question
 from grader.web.verdict.card import build_card
 from grader.web.verdict.work import GivenAnswer, read_comments, read_in_full
 
@@ -325,15 +325,10 @@ def describe_question(library: Library, quiz: str, question: Question | None, gi
     """What the desk says of a question: its text, the answer to it, and the reference; the answer once it is gone."""
     if question is None:
         return {"answer": given.text}
-    view = next(
-        candidate
-        for candidate in describe_quiz(library, library.quiz(quiz))["questions"]
-        if candidate["id"] == question.id
-    )
     kind = kind_of(question)
     text = kind.show(question, given.answer)
     return {
-        "view": view,
+        "view": present_question(library, quiz, question),
         "answer": text,
         "is_prose": kind.is_prose,
         "is_read": kind.is_prose and given.is_decided,
