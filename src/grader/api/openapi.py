@@ -73,7 +73,9 @@ def complete_document(document: dict[str, Any], server: str) -> dict[str, Any]:
         responses = operation["responses"]
         if path.startswith(PREFIX):
             more = ANY_ROUTE + (WITH_BODY if "requestBody" in operation else ())
-            responses |= {str(status): one for status, one in refusals(*more).items() if str(status) not in responses}
+            responses |= {
+                str(status): response for status, response in refusals(*more).items() if str(status) not in responses
+            }
         if method == "GET" and path not in WITHOUT_ETAG:
             responses["304"] = {"description": "Not modified: If-None-Match named the ETag"}
         examples = recorded["responses"].get(f"{method} {path.removeprefix(PREFIX)}", {})

@@ -21,19 +21,21 @@ def settle(question: Question, numbers: Mapping[str, float], model_xml: ModelXml
     key is not known to a share of its tolerance."""
     drawable = cast(Drawable, question)
 
-    def pose(found: Mapping[str, Certificate]) -> Question:
-        answers = {place: certificate.answer for place, certificate in found.items() if certificate.answer is not None}
+    def pose(certificates: Mapping[str, Certificate]) -> Question:
+        answers = {
+            place: certificate.answer for place, certificate in certificates.items() if certificate.answer is not None
+        }
         return cast(Question, drawable.with_numbers(numbers, answers))
 
-    found: dict[str, Certificate] = {}
-    posed = pose(found)
+    certificates: dict[str, Certificate] = {}
+    posed = pose(certificates)
     for key in kind_of(posed).answer_keys(posed):
-        found[key.place] = derive(key, numbers, model_xml)
-    settled = pose(found)
+        certificates[key.place] = derive(key, numbers, model_xml)
+    settled = pose(certificates)
     for key in kind_of(settled).answer_keys(settled):
-        if not is_known(found[key.place], key):  # to the tolerance of the question as loaded, which may be wider
-            found[key.place] = derive(key, numbers, model_xml, for_publication=True)
-    return pose(found)
+        if not is_known(certificates[key.place], key):  # to the tolerance of the question as loaded, which may be wider
+            certificates[key.place] = derive(key, numbers, model_xml, for_publication=True)
+    return pose(certificates)
 
 
 def derive(

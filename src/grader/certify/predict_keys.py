@@ -108,8 +108,8 @@ def _certify_outcome(key: OptionKey, lab: LabConfig, verify: ByOutcome, xml: str
         nonlocal rederived
         done = run(variant)
         rederived |= done.rederived
-        found = [check_claim(claim, done, values) for claim, values in zip(claims, done.readouts, strict=True)]
-        return [holds for holds, _ in found], [number for _, number in found]
+        checks = [check_claim(claim, done, values) for claim, values in zip(claims, done.readouts, strict=True)]
+        return [holds for holds, _ in checks], [number for _, number in checks]
 
     try:
         readings, regime = compare_runs(read, run, verify, to_the_end=all(claim.when == "end" for claim in claims))

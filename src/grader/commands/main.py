@@ -64,9 +64,9 @@ def find_commands(arguments: Sequence[str]) -> typer.Typer:
     """Returns the group of commands that has the first argument, or all groups where it is none, such as --help. Typer
     reads the signatures of all commands that it is given, for a tenth of a short command."""
     named = [group for group in cli.registered_groups if {*arguments[:1]} & list_names(group)]
-    found = copy.copy(cli)
-    found.registered_groups = named or cli.registered_groups
-    return found
+    app = copy.copy(cli)
+    app.registered_groups = named or cli.registered_groups
+    return app
 
 
 def list_names(group: TyperInfo) -> set[str]:

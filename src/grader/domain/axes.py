@@ -98,8 +98,8 @@ Placed = tuple[ClassAxis, Position | None]
 
 def list_parts(verdict: Mapping[str, Any], name: str) -> list[dict[str, Any]]:
     """Returns the objects with a `case` in a list of the evidence."""
-    found = (verdict.get("evidence") or {}).get(name)
-    parts = found if isinstance(found, list) else []
+    value = (verdict.get("evidence") or {}).get(name)
+    parts = value if isinstance(value, list) else []
     return [part for part in parts if isinstance(part, dict) and isinstance(part.get("case"), str)]
 
 
@@ -132,5 +132,5 @@ def read_numbers(value: Any) -> list[float] | None:
     numbers = [
         read_number(item) for item in (value if isinstance(value, Sequence) and not isinstance(value, str) else [value])
     ]
-    found = [number for number in numbers if number is not None]
-    return found if found and len(found) == len(numbers) else None
+    known = [number for number in numbers if number is not None]
+    return known if known and len(known) == len(numbers) else None

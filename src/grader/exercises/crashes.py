@@ -40,10 +40,10 @@ def advise_on_attribute(match: re.Match[str]) -> str:
 
 def advise_on_spelling(name: str, owner: object) -> str:
     """Advises on the name of an attribute that is misspelt; nothing where no other is like it."""
-    found = difflib.get_close_matches(
+    matches = difflib.get_close_matches(
         name, [attribute for attribute in dir(owner) if not attribute.startswith("_")], n=1, cutoff=0.8
     )
-    return f"did you mean {found[0]}?" if owner is not None and found else ""
+    return f"did you mean {matches[0]}?" if owner is not None and matches else ""
 
 
 def advise_on_lengths(first: int, second: int) -> str:

@@ -60,9 +60,9 @@ def compute_chance_of_luck(
     try:
         while left and chance > parameters.luck:
             index, case = left.pop(0)
-            one = compute_chance_of_case(kind, parameters, case, content, index)
-            chance *= one
-            others = one ** sum(describe_draws(other) == describe_draws(case) for _, other in left)
+            chance_of_case = compute_chance_of_case(kind, parameters, case, content, index)
+            chance *= chance_of_case
+            others = chance_of_case ** sum(describe_draws(other) == describe_draws(case) for _, other in left)
             if chance * others <= parameters.luck:
                 return chance * others, parameters.luck
     except (WrongInCase, GraderError):

@@ -75,7 +75,7 @@ def load_program(path: str, text_of: TextOf, key: str, *functions: str) -> Progr
     for name in functions:
         if not callable(program.get(name)):
             defined = [
-                one for one, value in program.items() if getattr(value, "__module__", "") == NAME and callable(value)
+                item for item, value in program.items() if getattr(value, "__module__", "") == NAME and callable(value)
             ]
             raise WrongParameter(key, f"{path} defines no function {name}; it defines {', '.join(defined) or 'none'}")
     return program

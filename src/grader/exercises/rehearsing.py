@@ -43,11 +43,13 @@ def check_exercise(question: Question, model_xml: ModelXml, where: str, text_of:
     try:
         parameters = read_parameters(kind, question)
     except ValidationError as error:
-        found = explain_misread_parameters(kind, question, error)
+        faults = explain_misread_parameters(kind, question, error)
     else:
         content = Content(question.entry, model_xml, text_of, question.takes, is_fixed=True)
-        found = find_wrong_parameters(kind, parameters, content)
-    return [Fault(where, ".".join(filter(None, (question.id, "check", key))), why) for key, why in dict.fromkeys(found)]
+        faults = find_wrong_parameters(kind, parameters, content)
+    return [
+        Fault(where, ".".join(filter(None, (question.id, "check", key))), why) for key, why in dict.fromkeys(faults)
+    ]
 
 
 def certify_exercise(

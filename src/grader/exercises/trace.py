@@ -80,7 +80,7 @@ class Trace:
     @property
     def handled_exceptions(self) -> list[HandledException]:
         """The exceptions that `except` clauses caught; notes that cannot be read are left out."""
-        return [one for note in self.list_notes("handled") if (one := read_handled(note.info))]
+        return [handled for note in self.list_notes("handled") if (handled := read_handled(note.info))]
 
     @property
     def printed_text(self) -> str | None:
@@ -126,7 +126,7 @@ def read_trace(values: "NDArray[np.generic] | None", known: Container[str] | Non
 def drop_unknown_words(value: Any, known: Container[str]) -> Any:
     """Returns JSON in which each text with an unknown word is empty; numbers of one digit are known."""
     if isinstance(value, dict):
-        return {key: drop_unknown_words(one, known) for key, one in value.items()}
+        return {key: drop_unknown_words(element, known) for key, element in value.items()}
     if isinstance(value, list):
         return [drop_unknown_words(item, known) for item in value]
     if isinstance(value, str):
@@ -182,14 +182,14 @@ def read_handled(info: Mapping[str, Any]) -> HandledException | None:
 
 def get_text(info: Mapping[str, Any], key: str) -> str:
     """Returns a text; empty if there is none."""
-    found = info.get(key)
-    return found if isinstance(found, str) else ""
+    text = info.get(key)
+    return text if isinstance(text, str) else ""
 
 
 def get_list(info: Mapping[str, Any], key: str) -> list[Any]:
     """Returns a list; an empty one if there is none."""
-    found = info.get(key)
-    return found if isinstance(found, list) else []
+    items = info.get(key)
+    return items if isinstance(items, list) else []
 
 
 def is_count(value: object) -> TypeGuard[int]:

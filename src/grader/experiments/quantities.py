@@ -91,15 +91,15 @@ def find_crossings(times: Floats, values: Floats, level: float, direction: Direc
 
 def find_crossing(times: Floats, values: Floats, window: Window) -> float:
     """The moment of one crossing [s]."""
-    found = find_crossings(times, values, window.level or 0.0, window.direction)
-    return float(found[window.count - 1]) if len(found) >= window.count else nan
+    crossings = find_crossings(times, values, window.level or 0.0, window.direction)
+    return float(crossings[window.count - 1]) if len(crossings) >= window.count else nan
 
 
 def find_period(times: Floats, values: Floats, window: Window) -> float:
     """The mean time between two upward crossings [s], of the rest position where no level is given."""
     level = estimate_rest(times, values) if window.level is None else window.level
-    found = find_crossings(times, values, level, "up")
-    return float((found[-1] - found[0]) / (len(found) - 1)) if len(found) > 1 else nan
+    crossings = find_crossings(times, values, level, "up")
+    return float((crossings[-1] - crossings[0]) / (len(crossings) - 1)) if len(crossings) > 1 else nan
 
 
 def estimate_rest(times: Floats, values: Floats) -> float:

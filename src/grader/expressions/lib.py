@@ -17,10 +17,10 @@ from grader.expressions.values import UNDEFINED, Record, RunError, Value, Vector
 def _find_id(m: Machine, kind: str, name: Value) -> int:
     """Returns the index of a named object. Raises RunError where the model has none of that name."""
     text = values.from_units(values.to_string(name))
-    found: int = mujoco.mj_name2id(m.model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), text)
-    if found < 0:
+    index: int = mujoco.mj_name2id(m.model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), text)
+    if index < 0:
         raise RunError(f"the model has no {kind} named {text!r}")
-    return found
+    return index
 
 
 def _view(m: Machine, kind: str, name: Value) -> Any:
@@ -115,8 +115,8 @@ def _singular_values(m: Machine, name: Value, options: Value) -> Value:
     """Largest first, one for each row: of all six, or with `{rows: 'pos'}` of the translation alone."""
     given = options if isinstance(options, Record) else Record()
     rows = _rows_of_jacobian(m, name, given.get("cols"))[: 3 if given.get("rows") == "pos" else 6]
-    found = np.linalg.svd(rows, compute_uv=False) if rows.size and np.isfinite(rows).all() else np.zeros(0)
-    return [*map(float, found), *[0.0] * (len(rows) - len(found))]
+    values = np.linalg.svd(rows, compute_uv=False) if rows.size and np.isfinite(rows).all() else np.zeros(0)
+    return [*map(float, values), *[0.0] * (len(rows) - len(values))]
 
 
 def _array(value: Value) -> list[float]:

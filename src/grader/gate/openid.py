@@ -95,10 +95,10 @@ class Provider:
         Forbidden if an instructor has removed the member."""
         digest = hashlib.sha256(f"{self.issuer}\n{claims['sub']}".encode()).hexdigest()
         account = f"oidc:{digest}"
-        found = stored_people.find_with_account(session, self.course, account)
-        if found is not None and found.removed_at is not None:
+        known = stored_people.find_with_account(session, self.course, account)
+        if known is not None and known.removed_at is not None:
             raise Forbidden("You were removed from this course. Ask its instructor.")
-        member = found or members.get_with_account(session, account, read_name(claims), Role.STUDENT, self.course)
+        member = known or members.get_with_account(session, account, read_name(claims), Role.STUDENT, self.course)
         opened = start_session(session, member)
         record(session, opened.identity, self.course, Action.SIGNED_IN, member.name, by="oidc")
         return opened

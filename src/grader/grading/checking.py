@@ -102,13 +102,13 @@ class ContentCheck:
             self.certify_exercise(quiz_id, question)
             self.check_luck(quiz_id, question)
         self.certify_keys()
-        found = [
+        outcomes = [
             reference
             for reference in find_references(self.library.root)
             if is_below(self.library, reference.file, self.path)
         ]
-        self.report.faults.extend(fault for fault in found if isinstance(fault, Fault))
-        programs = [program for program in found if isinstance(program, ReferenceProgram)]
+        self.report.faults.extend(fault for fault in outcomes if isinstance(fault, Fault))
+        programs = [program for program in outcomes if isinstance(program, ReferenceProgram)]
         self.grade_references([program for program in programs if self.only.has(program.quiz, program.question)])
         for quiz_id, question in exercises:
             self.grade_lazy_answers(quiz_id, question)
@@ -218,13 +218,13 @@ class ContentCheck:
         library = self.library
 
         def name_all(text_of: TextOf) -> list[tuple[str, str, str | None, str]]:
-            found = []
+            named = []
             for program, source, sentence in write_wrong_scripts(question, text_of):
                 self.doing(f"grading {program}")
                 answer = kind_of(question).from_text(question, source)
                 verdict = self.opened().grade(quiz_id, question.id, answer, choose_seed(program))
-                found.append((program, verdict.status.value, verdict.diagnosis, sentence))
-            return found
+                named.append((program, verdict.status.value, verdict.diagnosis, sentence))
+            return named
 
         for index, (program, status, diagnosis, sentence) in enumerate(
             self.passed.run(

@@ -146,11 +146,11 @@ class Content:
     def find_media(self, sha256: str, name: str, *, with_draft: bool) -> Media | None:
         """Returns the picture or file that an address names: of the content in use, of one before it, which old
         verdicts show, and `with_draft` of the folder as it is now."""
-        found = self.library.find_media(sha256, name) or self.archive.find_media(sha256, name)
-        if found is None and with_draft:
+        media = self.library.find_media(sha256, name) or self.archive.find_media(sha256, name)
+        if media is None and with_draft:
             draft = read_media(self._root)[0].values()
-            found = next((file for file in draft if (file.sha256, file.name) == (sha256, name)), None)
-        return found
+            media = next((file for file in draft if (file.sha256, file.name) == (sha256, name)), None)
+        return media
 
     def read_draft(self) -> Draft:
         """Loads the folder without using it."""
@@ -220,7 +220,9 @@ class Contents:
 
     def libraries(self) -> dict[str, Library]:
         """Returns every library by its course; the one for all other courses under the empty name."""
-        return {contents.EVERY: self._every.library} | {course: one.library for course, one in self._all.items()}
+        return {contents.EVERY: self._every.library} | {
+            course: content.library for course, content in self._all.items()
+        }
 
     def reload_or_log(self) -> None:
         """Loads every folder again, for a signal handler: faults are logged, not raised."""

@@ -47,10 +47,10 @@ def assemble_script(cells: Iterable[dict[str, Any]]) -> str:
 
 def find_cell(cells: Iterable[dict[str, Any]], grade_id: str) -> dict[str, Any]:
     """Returns the code cell with this id of nbgrader. Raises Unprocessable unless there is just one."""
-    found = [cell for cell in cells if read_grade_id(cell) == grade_id]
-    if len(found) != 1:
-        raise Unprocessable(f"{len(found)} code cells have the grade_id {grade_id!r}: there must be one")
-    return found[0]
+    matching = [cell for cell in cells if read_grade_id(cell) == grade_id]
+    if len(matching) != 1:
+        raise Unprocessable(f"{len(matching)} code cells have the grade_id {grade_id!r}: there must be one")
+    return matching[0]
 
 
 def read_grade_id(cell: dict[str, Any]) -> Any:

@@ -112,7 +112,7 @@ def list_mismatches(reference: ReferenceProgram, outcomes: dict[int, ReferenceOu
         return
     counts = Counter(outcomes.values())
     for outcome, count in counts.items():
-        seed = next(seed for seed, one in outcomes.items() if one == outcome)
+        seed = next(seed for seed, other in outcomes.items() if other == outcome)
         where = f" in {count} of {len(outcomes)} draws, as with --seed {seed}" if len(outcomes) > 1 else ""
         if outcome.got != reference.status:
             name = f"{outcome.got}__{PurePath(reference.file).name.partition('__')[2]}"

@@ -39,7 +39,7 @@ def find_span(source: str, line: int) -> Span | None:
     ]
     if not statements:
         return None
-    node = max(statements, key=lambda one: (one.lineno, -(one.end_lineno or 0)))
+    node = max(statements, key=lambda statement: (statement.lineno, -(statement.end_lineno or 0)))
     if hasattr(node, "body"):  # its whole text would be too much to mark
         if node.lineno != line:
             return None

@@ -105,14 +105,14 @@ def list_addresses(token: Token) -> Iterator[str]:
 
 def read_tags(html: str) -> list[tuple[str, str]]:
     """Returns the tags of some HTML, each with its `src` or `href`, or nothing."""
-    found: list[tuple[str, str]] = []
+    tags: list[tuple[str, str]] = []
 
     class Reader(HTMLParser):
         def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
             named = dict(attrs)
-            found.append((tag, named.get("src") or named.get("href") or ""))
+            tags.append((tag, named.get("src") or named.get("href") or ""))
 
     reader = Reader()
     reader.feed(html)
     reader.close()
-    return found
+    return tags

@@ -100,15 +100,15 @@ class Text:
     def _replace_addresses(self, addresses: Addresses, remark: Callable[[int, str], None]) -> None:
         named: dict[tuple[int, int], list[str]] = {}
         for token in self.tokens:
-            if token.map and (found := list(list_addresses(token))):
-                named.setdefault((token.map[0], token.map[1]), []).extend(found)
+            if token.map and (targets := list(list_addresses(token))):
+                named.setdefault((token.map[0], token.map[1]), []).extend(targets)
         references = self.references.get("references")
         for reference in references.values() if isinstance(references, dict) else ():
             named.setdefault((reference["map"][0], reference["map"][1]), []).append(reference["href"])
-        for (begin, end), found in named.items():
+        for (begin, end), targets in named.items():
             tell = partial(remark, begin + 1)
             for at in range(begin, end):
-                self.lines[at] = addresses.replace(self.lines[at], self._in_line(self.lines[at], found), tell)
+                self.lines[at] = addresses.replace(self.lines[at], self._in_line(self.lines[at], targets), tell)
 
-    def _in_line(self, line: str, found: list[str]) -> list[str]:
-        return [address for address in found if address in line or unquote(address) in line]
+    def _in_line(self, line: str, targets: list[str]) -> list[str]:
+        return [address for address in targets if address in line or unquote(address) in line]

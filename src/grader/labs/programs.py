@@ -142,7 +142,9 @@ def _compile(lab: _Lab, where: str) -> LabPrograms:
     controls = [(f"controls.{i}", control) for i, control in enumerate(config.controls)]
     made = LabPrograms(
         setup=c.program("setup", config.setup or "", "statement"),
-        setters=tuple((one, c.setter(place, one)) for place, one in controls if not isinstance(one, Button)),
+        setters=tuple(
+            (control, c.setter(place, control)) for place, control in controls if not isinstance(control, Button)
+        ),
         buttons={
             button.label: c.program(f"{at}.run", button.run, "statement")
             for at, button in controls

@@ -52,8 +52,8 @@ def check_lab(config: LabConfig, xml: str, where: str) -> list[Fault]:
         if thread_time() > last:
             why = f"the runs at the ends of all controls take more than {CPU_S_MAX:g} s of computing"
             return [*faults, Fault("", f"{where}.controls", f"{why}: give fewer controls, or a smaller model")]
-        found = try_setting(controls, events, SECONDS_AT_EXTREMES, setting=f" (with {setting})")
-        faults += [fault for fault in found if fault not in faults]
+        setting_faults = try_setting(controls, events, SECONDS_AT_EXTREMES, setting=f" (with {setting})")
+        faults += [fault for fault in setting_faults if fault not in faults]
     return [*faults, *_find_never_shown(runs)]
 
 

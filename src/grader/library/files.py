@@ -14,8 +14,8 @@ MODEL_BYTES_MAX = 4 << 20
 def list_files(root: Path, folder: str, pattern: str) -> list[str]:
     """Returns the files of one folder that match a glob pattern, as sorted paths relative to the root. Names that begin
     with a dot are skipped, because editors and macOS create such files."""
-    found = (path.relative_to(root) for path in (root / folder).glob(pattern))
-    return sorted(path.as_posix() for path in found if not any(part.startswith(".") for part in path.parts))
+    paths = (path.relative_to(root) for path in (root / folder).glob(pattern))
+    return sorted(path.as_posix() for path in paths if not any(part.startswith(".") for part in path.parts))
 
 
 def read_bytes(root: Path, name: str, bytes_max: int) -> bytes | Fault:

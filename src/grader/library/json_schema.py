@@ -25,8 +25,8 @@ def build_quiz_schema() -> dict[str, Any]:
     parts: dict[str, Any] = document["$defs"]
 
     def find(model: type) -> dict[str, Any]:
-        found: dict[str, Any] = parts[refs[model, "validation"]["$ref"].rpartition("/")[2]]
-        return found
+        schema: dict[str, Any] = parts[refs[model, "validation"]["$ref"].rpartition("/")[2]]
+        return schema
 
     for kind in installed_kinds().values():  # a question without an id gets one by its place
         question = parts[kind.question.__name__]

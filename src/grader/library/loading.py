@@ -163,11 +163,11 @@ def _load_source(loading: _Loading, file: str, text: str, raw: dict[str, Any], o
     _keep(loading, parsed.quiz, file, raw)
     starters = _starters(loading, parsed.quiz)
     models = {f"models/{name}.xml": xml for name, xml in loading.models.items()}
-    pictures = {path: one.sha256 for path, one in media.items()}
+    pictures = {path: medium.sha256 for path, medium in media.items()}
     loading.digests[quiz_id] = compute_digest({file: text}, loading.models, starters, named, pictures)
     beside = {path: starter for path, starter in starters.items() if path not in own}
     loading.sources[quiz_id] = {
-        file: text, **models, **beside, **named, **{path: one.body for path, one in media.items()},
+        file: text, **models, **beside, **named, **{path: medium.body for path, medium in media.items()},
     }  # fmt: skip
 
 

@@ -22,8 +22,8 @@ def warn_of_newer(installed: int = mujoco.mj_version()) -> str | None:
     version = (installed // 1_000_000, installed // 1000 % 1000, installed % 1000)
     if version <= NEWEST_TESTED:
         return None
-    found, tested = (".".join(map(str, numbers)) for numbers in (version, NEWEST_TESTED))
+    running, tested = (".".join(map(str, numbers)) for numbers in (version, NEWEST_TESTED))
     return (
-        f"MuJoCo {found} is newer than {tested}, the newest that was tested: verdicts and answer keys may differ. "
+        f"MuJoCo {running} is newer than {tested}, the newest that was tested: verdicts and answer keys may differ. "
         "Run `grader check`, or install the MuJoCo of requirements-all.lock."
     )

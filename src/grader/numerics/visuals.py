@@ -57,8 +57,8 @@ def moves_alike(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:
     for name in dir(model):
         if name.startswith(("_", *IGNORED, *DERIVED)):
             continue
-        one = getattr(model, name)
-        if isinstance(one, np.ndarray) and one.tobytes() != getattr(other, name).tobytes():
+        array = getattr(model, name)
+        if isinstance(array, np.ndarray) and array.tobytes() != getattr(other, name).tobytes():
             return False
     return float(model.stat.meaninertia) == float(other.stat.meaninertia)
 

@@ -35,14 +35,14 @@ class NeededDistribution(NamedTuple):
     extras: frozenset[str]
 
 
-def write_wheel(found: Distribution, module: str, folder: Path) -> Path:
+def write_wheel(package: Distribution, module: str, folder: Path) -> Path:
     """Writes the wheel of a distribution of pure Python with one top-level module into a folder. Raises NotFound."""
-    name = f"{re.sub(r'[-_.]+', '_', found.name)}-{found.version}"
+    name = f"{re.sub(r'[-_.]+', '_', package.name)}-{package.version}"
     path = folder / f"{name}-py3-none-any.whl"
     record = io.StringIO()
     rows = csv.writer(record, lineterminator="\n")
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as wheel:
-        for member, data in (*list_files(module), *write_notes(found, f"{name}.dist-info")):
+        for member, data in (*list_files(module), *write_notes(package, f"{name}.dist-info")):
             wheel.writestr(make_entry(member), data)
             digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).decode().rstrip("=")
             rows.writerow([member, f"sha256={digest}", len(data)])
@@ -70,10 +70,10 @@ def list_files(module: str) -> Iterator[tuple[str, bytes]]:
             yield path.relative_to(place.parent if folder is None else folder.parent).as_posix(), path.read_bytes()
 
 
-def write_notes(found: Distribution, folder: str) -> Iterator[tuple[str, bytes]]:
+def write_notes(package: Distribution, folder: str) -> Iterator[tuple[str, bytes]]:
     """Says what installers read in a wheel. Source: packaging.python.org, "Binary distribution format"."""
-    metadata = PINNED.sub(pin_installed, found.read_text("METADATA") or found.read_text("PKG-INFO") or "")
-    points = found.read_text("entry_points.txt") or ""
+    metadata = PINNED.sub(pin_installed, package.read_text("METADATA") or package.read_text("PKG-INFO") or "")
+    points = package.read_text("entry_points.txt") or ""
     wheel = "Wheel-Version: 1.0\nGenerator: grader pack\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
     for name, text in (("METADATA", metadata), ("WHEEL", wheel), ("entry_points.txt", points)):
         yield f"{folder}/{name}", text.encode()
@@ -94,20 +94,20 @@ def list_constraints(names: list[str]) -> str:
     seen: set[NeededDistribution] = set()
     waiting = [NeededDistribution(name, frozenset()) for name in names]
     while waiting:
-        one = waiting.pop()
-        if one in seen:
+        needed = waiting.pop()
+        if needed in seen:
             continue
-        seen.add(one)
+        seen.add(needed)
         with suppress(PackageNotFoundError):  # of another platform
-            found = distribution(one.name)
-            versions[found.name] = found.version
-            waiting += list_needs(found, one.extras)
+            package = distribution(needed.name)
+            versions[package.name] = package.version
+            waiting += list_needs(package, needed.extras)
     return "".join(f"{name}=={versions[name]}\n" for name in sorted(versions) if name not in names)
 
 
-def list_needs(found: Distribution, extras: frozenset[str]) -> Iterator[NeededDistribution]:
+def list_needs(package: Distribution, extras: frozenset[str]) -> Iterator[NeededDistribution]:
     """Says what a distribution with some of its extras requires, whatever the platform."""
-    for text in found.requires or []:
+    for text in package.requires or []:
         of_extra = re.search(r"""extra\s*==\s*["']([^"']+)""", text)
         match = REQUIREMENT.match(text)
         if match and (of_extra is None or of_extra[1] in extras):

@@ -36,12 +36,12 @@ def read_registration(given: Mapping[str, Any]) -> Registration:
     for origin in origins:
         if not is_of_platform(origin) or read_origin(origin) != origin.rstrip("/"):
             raise Unprocessable(f"An origin is https://host[:port] and nothing else, not {origin!r}.")
-    found = [read_origin(origin) for origin in origins] or [
+    normalised = [read_origin(origin) for origin in origins] or [
         read_origin(texts["issuer"]),
         read_origin(texts["login_url"]),
     ]
     texts["name"] = texts["name"] or texts["issuer"]
-    return Registration(**texts, origins=tuple(dict.fromkeys(filter(None, found))))
+    return Registration(**texts, origins=tuple(dict.fromkeys(filter(None, normalised))))
 
 
 def registration_link(session: Session, origin: str) -> str:

@@ -156,8 +156,8 @@ def claim(session: Session, owner: int, topics: tuple[str, ...] = TOPICS) -> Cla
         return None
     places, lease = [TOPICS.index(topic) for topic in topics], secrets.token_hex(16)
     values = {"from": min(places), "to": max(places), "topics": topics, "by": owner, "new": lease}
-    found = session.connection().execute(CLAIM, values).first()
-    return None if found is None else Claim(*found, lease)
+    row = session.connection().execute(CLAIM, values).first()
+    return None if row is None else Claim(*row, lease)
 
 
 FINISH = delete(JobRow).where(JobRow.id == bindparam("job"), JobRow.lease == bindparam("held")).returning(JobRow.id)
@@ -200,9 +200,9 @@ def list_asked_to_stop(session: Session, owner: int) -> Sequence[str]:
 def hurry(session: Session, topic: str, subjects: Sequence[str]) -> None:
     """Makes the delayed jobs of these subjects due at once, but those that somebody is claiming."""
     delayed = select(JobRow.id).where(JobRow.topic == topic, JobRow.subject.in_(subjects), WAITS)
-    found = session.scalars(delayed.with_for_update(skip_locked=True)).all()
-    if found:
-        session.execute(update(JobRow).where(JobRow.id.in_(found)).values(due_at=Clock()))
+    ids = session.scalars(delayed.with_for_update(skip_locked=True)).all()
+    if ids:
+        session.execute(update(JobRow).where(JobRow.id.in_(ids)).values(due_at=Clock()))
         announce(session, NEWS)
 
 

@@ -52,16 +52,16 @@ def build_document(graded: GradedAnswer) -> dict[str, Any]:
 def build_tests(graded: GradedAnswer) -> list[dict[str, Any]]:
     """Returns a test for each finding, one for the whole question where there is none, and what the script printed."""
     verdict = graded.verdict
-    found = [
+    tests = [
         build_test(name, graded.describe(finding), finding.passed, finding.points, finding.max_points)
         for name, finding in graded.findings
     ]
-    if not found:
-        found = [
+    if not tests:
+        tests = [
             build_test(graded.title, verdict.diagnosis or "", read_passed(graded), verdict.points, verdict.max_points)
         ]
     printed = {"Output of the script": verdict.stdout, "Errors of the script": verdict.stderr}
-    return [*found, *(check(name, text, True) for name, text in printed.items() if text)]
+    return [*tests, *(check(name, text, True) for name, text in printed.items() if text)]
 
 
 def read_passed(graded: GradedAnswer) -> bool | None:

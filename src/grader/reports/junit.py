@@ -30,11 +30,11 @@ def junit_xml(graded: GradedAnswer) -> str:
     if (kind := name_outcome(verdict.status)) is not None:
         tell(case, kind, diagnosis, verdict.status.value)
     for title, finding in graded.findings:
-        one = add_case(suite, name, f"{graded.title}: {title}", "0.000")
+        finding_case = add_case(suite, name, f"{graded.title}: {title}", "0.000")
         if finding.passed is None:
-            tell(one, "skipped", graded.describe(finding) or UNDECIDED)
+            tell(finding_case, "skipped", graded.describe(finding) or UNDECIDED)
         elif not finding.passed:
-            tell(one, "failure", graded.describe(finding) or finding.title, "finding")
+            tell(finding_case, "failure", graded.describe(finding) or finding.title, "finding")
     for tag, text in (("system-out", verdict.stdout), ("system-err", verdict.stderr)):
         if text:
             ElementTree.SubElement(suite, tag).text = legal(text)

@@ -61,7 +61,7 @@ def read_cpu_clock_s(pid: int) -> float | None:
 
 def list_threads(pid: int) -> dict[int, Thread]:
     """Returns the living threads of a process."""
-    found = {}
+    threads = {}
     try:
         for name in os.listdir(f"/proc/{pid}/task"):  # noqa: PTH208
             try:
@@ -69,10 +69,10 @@ def list_threads(pid: int) -> dict[int, Thread]:
                 resident, shared = map(int, read_proc(f"{pid}/task/{name}/statm").split()[1:3])
             except (OSError, ValueError):
                 continue  # it has ended since
-            found[int(name)] = Thread(wanted_ns / 1e9, (resident - shared) * PAGE_BYTES)
+            threads[int(name)] = Thread(wanted_ns / 1e9, (resident - shared) * PAGE_BYTES)
     except OSError:
         pass
-    return found
+    return threads
 
 
 def count_oom_kills() -> int:

@@ -40,9 +40,9 @@ def begin_session() -> dict[str, str]:
 @labs.get("/api/v1/quizzes/{quiz}")
 def get_quiz(quiz: str, request: Request) -> dict[str, Any]:
     """The student's view of a quiz, with every lab. Raises NotFound."""
-    found = load_quiz(request, quiz).quiz(quiz)
-    shown = student_view(found, found.default_policy)
-    for view, question in zip(shown["questions"], found.questions, strict=True):
+    loaded = load_quiz(request, quiz).quiz(quiz)
+    shown = student_view(loaded, loaded.default_policy)
+    for view, question in zip(shown["questions"], loaded.questions, strict=True):
         lab = kind_of(question).lab(question)
         if lab is not None:
             view["lab"] = lab_view(lab)

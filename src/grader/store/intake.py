@@ -79,8 +79,8 @@ NAMES = (*LearnerAt._fields, "credential", "key")
 
 def read(session: Session, answers: Sequence[AnswerKeys], clock: datetime) -> list[StoredOfAnswer]:
     """What is stored about each answer, in their order; answers to one place share its state."""
-    keys = [{"number": str(number), **dict(zip(NAMES, (*one.place, one.credential, one.key), strict=True))}
-            for number, one in enumerate(answers)]  # fmt: skip
+    keys = [{"number": str(number), **dict(zip(NAMES, (*answer.place, answer.credential, answer.key), strict=True))}
+            for number, answer in enumerate(answers)]  # fmt: skip
     states, stored = dict[LearnerAt, QuestionState](), dict[int, StoredOfAnswer]()
     for row in read_by_keys(session, _query(session.get_bind().dialect.name), keys, clock=clock):
         number = int(row[0])

@@ -214,14 +214,14 @@ def lock(session: Session, row_id: int) -> Delivery | None:
 
 def lock_delivery(session: Session, row_id: int, course: str | None) -> Delivery | None:
     """As `lock`, within a course; None for any course."""
-    found = lock(session, row_id)
-    return found if found is not None and course in (None, found.course) else None
+    delivery = lock(session, row_id)
+    return delivery if delivery is not None and course in (None, delivery.course) else None
 
 
 def find_destination(session: Session, destination_id: str, course: str) -> Destination | None:
     """A destination of a course."""
-    found = session.get(Destination, destination_id)
-    return found if found is not None and found.course == course else None
+    destination = session.get(Destination, destination_id)
+    return destination if destination is not None and destination.course == course else None
 
 
 def list_webhooks(session: Session, course: str) -> Sequence[Destination]:
@@ -241,16 +241,16 @@ def add_scores(session: Session, course: str, quiz: str, question: str, by: str)
     return made
 
 
-def remove(session: Session, found: Destination) -> None:
+def remove(session: Session, destination: Destination) -> None:
     """Deletes a destination with its rows; their jobs find nothing."""
-    session.execute(delete(Delivery).where(Delivery.destination == found.id), execution_options=_UNCHANGED)
-    session.delete(found)
+    session.execute(delete(Delivery).where(Delivery.destination == destination.id), execution_options=_UNCHANGED)
+    session.delete(destination)
 
 
 def disable(session: Session, destination_id: str, why: str) -> None:
     """Delivers nothing more to a destination. What waits for it is dead."""
-    found = session.get_one(Destination, destination_id)
-    found.disabled_at, found.why_disabled = now(), why
+    destination = session.get_one(Destination, destination_id)
+    destination.disabled_at, destination.why_disabled = now(), why
     theirs = update(Delivery).where(Delivery.destination == destination_id, Delivery.state.in_((WAITING, HELD)))
     session.execute(theirs.values(state=DEAD, error=why, next_at=None), execution_options=_UNCHANGED)
 

@@ -40,8 +40,8 @@ def sharing_email(session: Session, course: str, members: Sequence[Member]) -> d
     owners: dict[str, list[str]] = {}
     for member_id, email in session.execute(select(Member.id, address).where(*here).order_by(Member.id)):
         owners.setdefault(email, []).append(member_id)
-    others = {one: [other for other in owners.get(email, ()) if other != one] for one, email in asked.items()}
-    return {one: found for one, found in others.items() if found}
+    others = {id_: [other for other in owners.get(email, ()) if other != id_] for id_, email in asked.items()}
+    return {id_: sharers for id_, sharers in others.items() if sharers}
 
 
 def list_members(session: Session, course: str) -> Sequence[Member]:

@@ -145,13 +145,13 @@ def find_registered(session: Session, issuer: str, client_id: str | None) -> Seq
     return session.scalars(wanted if client_id is None else wanted.where(PlatformRow.client_id == client_id)).all()
 
 
-def add_once(session: Session, row: Row, found: Any) -> Row:
-    """Adds a row, or returns what `found` selects: the row that another process has just added."""
+def add_once(session: Session, row: Row, query: Any) -> Row:
+    """Adds a row, or returns what `query` selects: the row that another process has just added."""
     try:
         with session.begin_nested():
             session.add(row)
     except IntegrityError:
-        kept: Row = session.scalars(found).one()
+        kept: Row = session.scalars(query).one()
         return kept
     return row
 
@@ -165,14 +165,14 @@ def list_deployments(session: Session, platform_id: int) -> Sequence[Deployment]
 
 def note_deployment(session: Session, platform_id: int, deployment_id: str) -> Deployment | None:
     """The deployment; a new one waits for approval. None if too many wait."""
-    found = select(Deployment).where(Deployment.platform == platform_id, Deployment.deployment_id == deployment_id)
-    kept = session.scalar(found)
+    query = select(Deployment).where(Deployment.platform == platform_id, Deployment.deployment_id == deployment_id)
+    kept = session.scalar(query)
     if kept is not None:
         return kept
     waiting = select(func.count()).where(Deployment.platform == platform_id, Deployment.approved_at.is_(None))
     if (session.scalar(waiting) or 0) >= PENDING_MAX:
         return None
-    return add_once(session, Deployment(platform=platform_id, deployment_id=deployment_id), found)
+    return add_once(session, Deployment(platform=platform_id, deployment_id=deployment_id), query)
 
 
 def approve_deployments(session: Session, platform_id: int, deployment_id: str | None = None) -> int:
@@ -180,10 +180,10 @@ def approve_deployments(session: Session, platform_id: int, deployment_id: str |
     waiting = select(Deployment).where(Deployment.platform == platform_id, Deployment.approved_at.is_(None))
     if deployment_id is not None:
         waiting = waiting.where(Deployment.deployment_id == deployment_id)
-    found = session.scalars(waiting).all()
-    for deployment in found:
+    deployments = session.scalars(waiting).all()
+    for deployment in deployments:
         deployment.approved_at = now()
-    return len(found)
+    return len(deployments)
 
 
 def context_by_id(session: Session, context: int) -> Context | None:
@@ -193,13 +193,13 @@ def context_by_id(session: Session, context: int) -> Context | None:
 
 def get_context(session: Session, platform_id: int, deployment_id: str, context_id: str, title: str) -> Context:
     """The platform's course; made now, linked with no course, when it is first heard of."""
-    found = select(Context).where(
+    query = select(Context).where(
         Context.platform == platform_id, Context.deployment_id == deployment_id, Context.context_id == context_id
     )
-    context = session.scalar(found)
+    context = session.scalar(query)
     if context is None:
         new = Context(platform=platform_id, deployment_id=deployment_id, context_id=context_id, title=title)
-        context = add_once(session, new, found)
+        context = add_once(session, new, query)
     if title and context.title != title:
         context.title = title
     return context
@@ -215,17 +215,17 @@ def list_contexts(session: Session, course: str | None = None) -> Sequence[tuple
 
 def resource_link(session: Session, context: int, link_id: str) -> ResourceLink:
     """The platform's link; made now when it is first heard of."""
-    found = select(ResourceLink).where(ResourceLink.context == context, ResourceLink.link_id == link_id)
-    link = session.scalar(found)
-    return link or add_once(session, ResourceLink(context=context, link_id=link_id), found)
+    query = select(ResourceLink).where(ResourceLink.context == context, ResourceLink.link_id == link_id)
+    link = session.scalar(query)
+    return link or add_once(session, ResourceLink(context=context, link_id=link_id), query)
 
 
 def enrol(session: Session, context: int, subject: str, member: str) -> None:
     """Records that a user of a context is this member."""
-    found = select(LtiUser).where(LtiUser.context == context, LtiUser.subject == subject)
-    user = session.scalar(found)
+    query = select(LtiUser).where(LtiUser.context == context, LtiUser.subject == subject)
+    user = session.scalar(query)
     if user is None:
-        user = add_once(session, LtiUser(context=context, subject=subject, member=member), found)
+        user = add_once(session, LtiUser(context=context, subject=subject, member=member), query)
     user.member, user.seen_at = member, now()
 
 
@@ -257,10 +257,10 @@ def find_courses(session: Session, members: Sequence[str]) -> dict[str, list[tup
         .where(LtiUser.member.in_(members))
         .order_by(LtiUser.member, Context.id)
     )
-    found: dict[str, list[tuple[str, str]]] = {}
+    courses: dict[str, list[tuple[str, str]]] = {}
     for member, name, title, context_id in session.execute(rows):
-        found.setdefault(member, []).append((name, title or context_id))
-    return found
+        courses.setdefault(member, []).append((name, title or context_id))
+    return courses
 
 
 def forget_member(session: Session, member: str) -> None:
@@ -302,10 +302,10 @@ def score_target(
         .where(ResourceLink.question == question if question else ResourceLink.question.is_(None))
         .order_by(LtiUser.seen_at.desc(), ResourceLink.id.desc())
     )
-    found = session.execute(wanted.limit(1)).first()
-    if found is None:
+    row = session.execute(wanted.limit(1)).first()
+    if row is None:
         return None
-    link, context, platform, subject = found
+    link, context, platform, subject = row
     return ScoreTarget(
         read_platform(platform), link.line_item_url, link.line_items_url, tuple(link.scopes.split()), subject,
         context.deployment_id, link.link_id, make_resource_id(quiz, question),

@@ -187,13 +187,13 @@ def rank_learners(session: Session, wanted: Ranking, start: int, limit: int) -> 
         each = each.having(func.min(Result.is_final.cast(Integer)) == 0)
     elif wanted.show == "incomplete":
         each = each.having(func.count() < wanted.questions)
-    found = each.subquery()  # a name is looked up once for each learner
-    name = func.coalesce(Member.name, found.c.learner)
-    rows = select(found.c.learner, name).outerjoin(Member, Member.id == found.c.learner)
+    ranked = each.subquery()  # a name is looked up once for each learner
+    name = func.coalesce(Member.name, ranked.c.learner)
+    rows = select(ranked.c.learner, name).outerjoin(Member, Member.id == ranked.c.learner)
     if wanted.find:
         rows = rows.where(holds(name, wanted.find))
-    first, *then = (Folded(name),) if wanted.by == "name" else (found.c.key, Folded(name))
-    order = (first.desc() if wanted.descending else first, *then, found.c.learner)
+    first, *then = (Folded(name),) if wanted.by == "name" else (ranked.c.key, Folded(name))
+    order = (first.desc() if wanted.descending else first, *then, ranked.c.learner)
     return [(row[0], row[1]) for row in session.execute(rows.order_by(*order).offset(start).limit(limit))]
 
 
@@ -218,10 +218,10 @@ def sums_of_learners(session: Session, wanted: Ranking, learners: Sequence[str])
     points, final = func.sum(_seen_points(wanted)), func.min(Result.is_final.cast(Integer))
     here = (Result.course == wanted.course, _among(wanted.quizzes), Result.learner.in_(learners))
     each = select(Result.learner, Result.quiz, points, func.count(), final).where(*here)
-    found: dict[str, dict[str, QuizSum]] = {learner: {} for learner in learners}
+    sums: dict[str, dict[str, QuizSum]] = {learner: {} for learner in learners}
     for learner, quiz, total, answered, is_final in session.execute(each.group_by(Result.quiz, Result.learner)):
-        found[learner][quiz] = QuizSum(total, answered, not is_final)
-    return found
+        sums[learner][quiz] = QuizSum(total, answered, not is_final)
+    return sums
 
 
 AT_PAGE = (Result.course, Result.learner, Result.quiz, Result.question, Result.points, Result.max_points,
@@ -232,10 +232,10 @@ AT_PAGE = (Result.course, Result.learner, Result.quiz, Result.question, Result.p
 def find_of_learners(session: Session, course: str, quiz: str, learners: Sequence[str]) -> dict[str, list[Any]]:
     """The columns `AT_PAGE` of the results of some learners in a quiz, by learner."""
     theirs = select(*AT_PAGE).where(Result.course == course, Result.quiz == quiz, Result.learner.in_(learners))
-    found: dict[str, list[Any]] = {learner: [] for learner in learners}
+    by_learner: dict[str, list[Any]] = {learner: [] for learner in learners}
     for row in session.connection().execute(theirs):
-        found[row.learner].append(row)
-    return found
+        by_learner[row.learner].append(row)
+    return by_learner
 
 
 KNOWN = ("account", "namespace", "external_id", "email")

@@ -91,11 +91,11 @@ class SubmissionFilter:
     def conditions(self) -> list[ColumnElement[bool]]:
         """The filter as SQL conditions."""
         columns = {name: value for name, value in vars(self).items() if value is not None and name != "user"}
-        found = [getattr(Submission, name) == value for name, value in columns.items()]
+        conditions = [getattr(Submission, name) == value for name, value in columns.items()]
         if self.user is not None:
             named = select(Member.id).where(Member.course == self.course, Member.name == self.user)
-            found.append(Submission.learner.in_(named))
-        return found
+            conditions.append(Submission.learner.in_(named))
+        return conditions
 
 
 def make(**columns: Any) -> Submission:
@@ -120,7 +120,7 @@ def settle(new: Sequence[tuple[Submission, Verdict | None]], clock: datetime) ->
     return [
         (Submission, [read_values(submission) for submission, _ in new]),
         (VerdictRow, [_verdict_values(*pair, "grading") | {"created_at": clock} for pair in graded]),
-        (Event, [{"submission_id": one.id, "number": 1, "name": one.status, "created_at": clock} for one, _ in new]),
+        (Event, [{"submission_id": row.id, "number": 1, "name": row.status, "created_at": clock} for row, _ in new]),
     ]
 
 
@@ -147,8 +147,8 @@ def get(session: Session, submission_id: str) -> Submission | None:
 
 def get_several(session: Session, ids: Sequence[str]) -> Sequence[Submission]:
     """The submissions with these ids, as they are in the database now."""
-    found = select(Submission).where(Submission.id.in_(ids)).execution_options(populate_existing=True)
-    return session.scalars(found).all()
+    query = select(Submission).where(Submission.id.in_(ids)).execution_options(populate_existing=True)
+    return session.scalars(query).all()
 
 
 def start(session: Session, submission_id: str) -> Submission:
@@ -239,14 +239,14 @@ PROGRESS_AT = PROGRESS.where(Submission.quiz == bindparam("quiz"), Submission.qu
 def compute_progress_at(session: Session, course: str, learner: str, quiz: str, question: str) -> Progress:
     """What a learner's attempts at one question come to; queued ones count."""
     where = {"course": course, "learner": learner, "quiz": quiz, "question": question}
-    found = session.connection().execute(PROGRESS_AT, where).first()
-    return Progress() if found is None else Progress(found[2], found[3], bool(found[4]))
+    row = session.connection().execute(PROGRESS_AT, where).first()
+    return Progress() if row is None else Progress(row[2], row[3], bool(row[4]))
 
 
 def compute_progress(session: Session, course: str, learner: str) -> dict[tuple[str, str], Progress]:
     """What a learner's attempts come to, by (quiz, question); questions without an attempt are left out."""
-    found = session.connection().execute(PROGRESS, {"course": course, "learner": learner})
-    return {(row[0], row[1]): Progress(row[2], row[3], bool(row[4])) for row in found}
+    rows = session.connection().execute(PROGRESS, {"course": course, "learner": learner})
+    return {(row[0], row[1]): Progress(row[2], row[3], bool(row[4])) for row in rows}
 
 
 def find_unsolved(
@@ -313,8 +313,8 @@ def list_graded(
     verdict as JSON text; not those of the learners `without`."""
     theirs = (Submission.uses_attempt, Submission.status.in_(AT_REST), Submission.learner.not_in(without))
     rows = select(Submission, VerdictRow.body).join(VerdictRow, NEWEST).where(*wanted.conditions(), *theirs)
-    found = session.execute(rows.order_by(Submission.id.desc()).limit(limit)).all()
-    return [(row, body) for row, body in reversed(found)]
+    newest = session.execute(rows.order_by(Submission.id.desc()).limit(limit)).all()
+    return [(row, body) for row, body in reversed(newest)]
 
 
 def count_pending(session: Session, wanted: SubmissionFilter) -> int:
@@ -353,10 +353,10 @@ def last_marks(session: Session, submissions: Iterable[Submission]) -> dict[str,
         .where(Submission.id.in_(regraded), VerdictRow.revision >= Submission.revision - 1)
         .order_by(VerdictRow.submission_id, VerdictRow.revision)
     )
-    found: dict[str, list[Mark]] = {}
+    by_submission: dict[str, list[Mark]] = {}
     for submission_id, *mark in session.execute(rows):
-        found.setdefault(submission_id, []).append(Mark(*mark))
-    return {submission_id: (pair[0], pair[1]) for submission_id, pair in found.items()}
+        by_submission.setdefault(submission_id, []).append(Mark(*mark))
+    return {submission_id: (pair[0], pair[1]) for submission_id, pair in by_submission.items()}
 
 
 EVENTS_AFTER = (

@@ -23,7 +23,7 @@ def list_quizzes(who: Anybody, services: AppServices) -> dict[str, Any]:
     with services.database.read() as session:
         policies = read_policies(session, library, who.course, library.quizzes)
     return {
-        "items": [summarise_quiz(library.quiz(one), policy) for one, policy in policies.items()],
+        "items": [summarise_quiz(library.quiz(quiz_id), policy) for quiz_id, policy in policies.items()],
         "next_cursor": None,
     }
 

@@ -142,7 +142,7 @@ def read_rows(
 @lru_cache(maxsize=4096)
 def points_of(quiz: str, points: str) -> Mapping[tuple[str, str], float]:
     """Points by (quiz, question) from those by question as JSON text. Learners with equal points share it."""
-    return {(quiz, question): one for question, one in json.loads(points).items()}
+    return {(quiz, question): value for question, value in json.loads(points).items()}
 
 
 def build_row(learner: str, known: Any, points: Mapping[tuple[str, str], float], marks: Mapping[str, str]) -> Row:

@@ -66,8 +66,8 @@ class TokenBody(RequestBody):
 def list_members(query: ListParams, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Lists the members of the course in the order of their ids."""
     with services.database.read() as session:
-        found = stored_people.page(session, who.course, query.start, query.limit + 1)
-        views = describe_members(session, who.course, found)
+        members = stored_people.page(session, who.course, query.start, query.limit + 1)
+        views = describe_members(session, who.course, members)
     return build_page(views, query, "/members", response)
 
 
@@ -194,9 +194,9 @@ def list_audit_entries(query: ListParams, who: Instructor, services: AppServices
     """Lists who did what in the course, newest first."""
     before = None if query.cursor is None else query.read_number()
     with services.database.read() as session:
-        found = stored_courses.audit_page(session, who.course, before, query.limit + 1)
+        entries = stored_courses.audit_page(session, who.course, before, query.limit + 1)
         unseen = find_unseen(session, who)
-    return build_page([describe_entry(entry, unseen) for entry in found], query, "/audit", response)
+    return build_page([describe_entry(entry, unseen) for entry in entries], query, "/audit", response)
 
 
 def join_url(services: Services, request: Request, code: str) -> str:

@@ -98,8 +98,8 @@ def list_regrades(
 ) -> dict[str, Any]:
     """Lists the regrades of the course, newest first, without their differences."""
     with services.database.read() as session:
-        found = stored.page(session, who.course, query.start, query.limit + 1)
-        items = [describe_regrade(regrade, stored.count_by_outcome(session, regrade)) for regrade in found]
+        rows = stored.page(session, who.course, query.start, query.limit + 1)
+        items = [describe_regrade(regrade, stored.count_by_outcome(session, regrade)) for regrade in rows]
     return build_page(items, query, "/regrades", response)
 
 
@@ -115,8 +115,10 @@ def show_regrade(
     with services.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
         counts = stored.count_by_outcome(session, regrade)
-        found = regrades.read_page(session, regrade.id, query.read_number(9), query.limit + 1, changed=query.changed)
-        items = blinded_differences(services.desk_of(who.course), session, who, regrade.quiz, found)
+        differences = regrades.read_page(
+            session, regrade.id, query.read_number(9), query.limit + 1, changed=query.changed
+        )
+        items = blinded_differences(services.desk_of(who.course), session, who, regrade.quiz, differences)
     cursor = None
     if len(items) > query.limit:
         items = items[: query.limit]

@@ -127,7 +127,7 @@ def list_reviews(
         queue = reviews.list_queue(services.desk_of(who.course), session, wanted, who.id if query.second else None)
         waiting = stored.page(session, queue, query.start, query.limit + 1, now())
         shown = describe_for_reviewer(session, services, who, [submission for submission, _ in waiting])
-    items = [{**one, "claim": describe_claim(claim)} for one, (_, claim) in zip(shown, waiting, strict=True)]
+    items = [{**view, "claim": describe_claim(claim)} for view, (_, claim) in zip(shown, waiting, strict=True)]
     return build_page(items, query, "/reviews", response)
 
 
@@ -139,9 +139,9 @@ def list_disagreements(query: PageParams, who: Instructor, services: AppServices
     """
     wanted = SubmissionFilter(who.course, None, query.quiz, query.question)
     with services.database.read() as session:
-        found = stored.list_disagreements(session, wanted, query.start, query.limit + 1)
-        shown = describe_for_reviewer(session, services, who, [submission for submission, _ in found])
-    items = [{**one, **both_marks(review)} for one, (_, review) in zip(shown, found, strict=True)]
+        disagreements = stored.list_disagreements(session, wanted, query.start, query.limit + 1)
+        shown = describe_for_reviewer(session, services, who, [submission for submission, _ in disagreements])
+    items = [{**view, **both_marks(review)} for view, (_, review) in zip(shown, disagreements, strict=True)]
     return build_page(items, query, "/reviews/disagreements", response)
 
 

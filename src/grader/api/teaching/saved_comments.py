@@ -39,8 +39,8 @@ class CommentBody(TextBody):
 def list_comments(quiz: Name, question: Name, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Lists the comments saved for a question of the course, oldest first."""
     with services.database.read() as session:
-        found = find_comments(session, who.course, quiz, question)
-    return {"items": [describe_comment(comment) for comment in found], "next_cursor": None}
+        comments = find_comments(session, who.course, quiz, question)
+    return {"items": [describe_comment(comment) for comment in comments], "next_cursor": None}
 
 
 @router.post("/reviews/comments", status_code=201, responses=refusals(401, 403, 404, 409, 413, 422, 429))

@@ -77,11 +77,11 @@ def propose_for_number(key: NumberKey, scenes: Sequence[LabScene], model_xml: Mo
     candidates = [candidate for scene in scenes for candidate in list_candidates(key, asked, scene, model_xml)]
     if not candidates:
         return None
-    candidates.sort(key=lambda one: -one.rank)
+    candidates.sort(key=lambda candidate: -candidate.rank)
     near = [candidate for candidate in candidates if abs(candidate.value - key.answer) <= NEAR * key.tolerance]
     last = thread_time() + CPU_S_MAX
-    for one in near[:TRIED_MAX]:
-        proposal = propose_certified(key, one, model_xml, len(candidates), len(near) - 1)
+    for candidate in near[:TRIED_MAX]:
+        proposal = propose_certified(key, candidate, model_xml, len(candidates), len(near) - 1)
         if proposal is not None:
             return proposal
         if thread_time() > last:
@@ -133,7 +133,7 @@ def measure_distance(value: float, answer: float) -> float:
 def list_candidates(key: NumberKey, asked: AskedQuantities, scene: LabScene, model_xml: ModelXml) -> list[Candidate]:
     """Returns every candidate of a simulation, none where it cannot be run."""
     if asked.is_timestep:
-        return [Candidate(*found, rank=5, is_telling=True) for found in list_thresholds(key, scene, model_xml)]
+        return [Candidate(*threshold, rank=5, is_telling=True) for threshold in list_thresholds(key, scene, model_xml)]
     try:
         return list(NumberSearch(key.unit, asked, scene).list_candidates())
     except BROKEN:
@@ -172,11 +172,11 @@ class NumberSearch:
         if run.warnings:
             return
         times = np.array(run.times)
-        for one, column in zip(fitted, run.readouts, strict=True):
+        for quantity, column in zip(fitted, run.readouts, strict=True):
             values = read_numbers(column)
             for name in names if np.isfinite(values).all() else ():
                 for seconds in lengths:
-                    yield from self.measure(one, name, seconds, times, values)
+                    yield from self.measure(quantity, name, seconds, times, values)
 
     def fit(self, shown: Sequence[ShownExpression]) -> Iterator[FittedExpression]:
         """Yields the expressions that are in the unit; as they are where a quantity is read from moments alone."""

@@ -65,19 +65,19 @@ def propose_for_option(key: OptionKey, scenes: Sequence[LabScene], model_xml: Mo
     except BROKEN:
         return None
     decided: list[tuple[Candidate, int, bool]] = []
-    for one in candidates[:TRIED_MAX]:
-        certificate = certify_with(key, one.verify, model_xml)
+    for candidate in candidates[:TRIED_MAX]:
+        certificate = certify_with(key, candidate.verify, model_xml)
         if certificate is not None and isinstance(certificate.answer, int):
-            decided.append((one, certificate.answer, certificate.ok))
+            decided.append((candidate, certificate.answer, certificate.ok))
     decided = [each for each in decided if each[0].rank == decided[0][0].rank]
     if not decided:
         return None
     answers = {answer for _, answer, _ in decided}
     is_agreed = len(answers) == 1
-    one, answer, is_certified = next((each for each in decided if is_agreed or not each[2]), decided[0])
+    candidate, answer, is_certified = next((each for each in decided if is_agreed or not each[2]), decided[0])
     caution = "" if is_agreed else "; other quantities of its simulation give another option"
     return Proposal(
-        write_verify(one.verify), is_agreed and is_certified, one.what, name_option(key, answer),
+        write_verify(candidate.verify), is_agreed and is_certified, candidate.what, name_option(key, answer),
         name_option(key, key.answer), len(decided), caution,
     )  # fmt: skip
 
@@ -98,15 +98,15 @@ def list_candidates(key: OptionKey, asked: AskedQuantities, scene: LabScene, tex
         return
     shown = scene.list_shown() or scene.list_joints()
     run = scene.run([curve.expr for curve in shown], scene.seconds)
-    for one, column in zip(shown, run.readouts, strict=True):
+    for quantity, column in zip(shown, run.readouts, strict=True):
         values = read_numbers(column)
         if not np.isfinite(values).all():
             continue
-        rank = min(len(read_words(one.label) & asked.words), 2)
+        rank = min(len(read_words(quantity.label) & asked.words), 2)
         if all(amounts):
-            yield from claim_amounts([amount for amount in amounts if amount], asked, scene, one, rank)
+            yield from claim_amounts([amount for amount in amounts if amount], asked, scene, quantity, rank)
         elif ways is not None:
-            yield from claim_ways(ways, scene, one, values, rank)
+            yield from claim_ways(ways, scene, quantity, values, rank)
 
 
 def claim_amounts(
@@ -180,8 +180,8 @@ def list_rankings(
     shown = scene.list_shown() or scene.list_joints()
     lab = remove_display(scene.lab, *(curve.expr for curve in shown))
     runs = [run_setting(lab, scene, setting) for setting in settings]
-    for index, one in enumerate(shown):
-        for expr, change in ((one.expr, np.asarray), (f"Math.abs({one.expr})", np.abs)):
+    for index, expression in enumerate(shown):
+        for expr, change in ((expression.expr, np.asarray), (f"Math.abs({expression.expr})", np.abs)):
             tops = [find_top(run, index, change) for run in runs]
             if not np.isfinite(tops).all() or (
                 change is np.abs and tops == [find_top(run, index, np.asarray) for run in runs]
@@ -196,8 +196,8 @@ def list_rankings(
             verify = ByOptions.model_validate(
                 {"by": "options", "criterion": {"expr": expr, "when": "max", **bound}, "seconds": scene.seconds}
             )
-            what = f"the largest value of “{one.label}”{' without sign' * (change is np.abs)} under each option"
-            yield Candidate(verify, what, min(len(read_words(one.label) & asked.words), 2))
+            what = f"the largest value of “{expression.label}”{' without sign' * (change is np.abs)} under each option"
+            yield Candidate(verify, what, min(len(read_words(expression.label) & asked.words), 2))
 
 
 def run_setting(lab: Any, scene: LabScene, setting: Setting | None) -> LabRun:

@@ -65,7 +65,7 @@ def write_verify(verify: Verify) -> dict[str, Any]:
 def shorten(value: Any) -> Any:
     """Returns JSON with whole numbers as such: 8 in place of 8.0."""
     if isinstance(value, dict):
-        return {key: shorten(one) for key, one in value.items()}
+        return {key: shorten(part) for key, part in value.items()}
     if isinstance(value, list):
         return [shorten(item) for item in value]
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < WHOLE_MAX else value

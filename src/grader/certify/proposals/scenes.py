@@ -77,27 +77,27 @@ class LabScene:
 
     def list_shown(self) -> list[ShownExpression]:
         """Returns what the readouts and plots show, each expression once."""
-        found: dict[str, ShownExpression] = {}
+        shown: dict[str, ShownExpression] = {}
         for readout in self.lab.readouts:
-            found.setdefault(readout.expr, read_label(readout.expr, readout.label, readout.unit or ""))
+            shown.setdefault(readout.expr, read_label(readout.expr, readout.label, readout.unit or ""))
         for plot in self.lab.plots:
             for trace in plot.traces:
-                found.setdefault(trace.expr, read_label(trace.expr, trace.label, read_label_unit(plot.ylabel or "")))
-        return list(found.values())[:SHOWN_MAX]
+                shown.setdefault(trace.expr, read_label(trace.expr, trace.label, read_label_unit(plot.ylabel or "")))
+        return list(shown.values())[:SHOWN_MAX]
 
     def list_joints(self) -> list[ShownExpression]:
         """Returns position and speed of every joint of one degree of freedom."""
-        found = []
+        joints = []
         single = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
         for joint in range(self.model.njnt):
             if int(self.model.jnt_type[joint]) in single:
                 name = self.model.joint(joint).name or f"joint {joint}"
                 at, dof = self.model.jnt_qposadr[joint], self.model.jnt_dofadr[joint]
-                found += [
+                joints += [
                     ShownExpression(f"data.qpos[{at}]", name),
                     ShownExpression(f"data.qvel[{dof}]", f"speed of {name}"),
                 ]
-        return found[:SHOWN_MAX]
+        return joints[:SHOWN_MAX]
 
     def run(self, exprs: list[str], seconds: float) -> LabRun:
         """Returns a run with a frame for every step and these expressions as readouts. Raises what `run_experiment`
@@ -119,14 +119,14 @@ def find_scenes(library: Library, quiz_id: str, question: Question) -> list[LabS
     own = kind_of(question).lab(question)
     words = read_words(plain_text(question.q))
     labs = [own] if own is not None else [*list_labs_near(library, quiz_id)]
-    found = []
+    scenes = []
     for lab in labs:
         named = len(read_words(lab.title or "") & words)
         try:
-            found.append(LabScene(lab, lab.xml or library.model_xml(lab.model or ""), own is not None, named))
+            scenes.append(LabScene(lab, lab.xml or library.model_xml(lab.model or ""), own is not None, named))
         except CallerError:
             continue
-    return sorted(found, key=lambda one: -one.named)[:SCENES_MAX]
+    return sorted(scenes, key=lambda scene: -scene.named)[:SCENES_MAX]
 
 
 def list_labs_near(library: Library, quiz_id: str) -> Iterator[LabConfig]:

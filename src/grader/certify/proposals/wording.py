@@ -107,14 +107,14 @@ class AskedQuantities:
 def read_question(text: str) -> AskedQuantities:
     """Returns what the text of a question, HTML, asks for."""
     plain = plain_text(text)
-    found = [name for name, words in ASKED.items() if words.search(plain)]
-    if not set(found) - {"end"}:  # the largest within 2 s is no value at 2 s
+    quantities = [name for name, words in ASKED.items() if words.search(plain)]
+    if not set(quantities) - {"end"}:  # the largest within 2 s is no value at 2 s
         extremes = [name for name, words in (("max", MAX), ("min", MIN)) if words.search(plain)]
-        found = extremes or found
+        quantities = extremes or quantities
     amounts = tuple(list_amounts(plain))
     moments = [value for amount in amounts if (value := amount.to("s")) is not None and value > 0]
     return AskedQuantities(
-        tuple(found), tuple(dict.fromkeys(moments)), amounts, read_words(plain), bool(STABLE_STEP.search(plain)),
+        tuple(quantities), tuple(dict.fromkeys(moments)), amounts, read_words(plain), bool(STABLE_STEP.search(plain)),
         bool(FAR.search(plain)), bool(UNSIGNED.search(plain)),
     )  # fmt: skip
 

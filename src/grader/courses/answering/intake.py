@@ -116,7 +116,10 @@ class AnswerBatch:
         session, accepted = self._session, self._accepted
         if not accepted:
             return 0
-        new = [NewSubmission(one.library, receipt.submission, receipt.verdict, one.place) for one, receipt in accepted]
+        new = [
+            NewSubmission(answer.library, receipt.submission, receipt.verdict, answer.place)
+            for answer, receipt in accepted
+        ]
         keys = [make_key_row(*receipt) for receipt in self._receipts.values()]
         store_new(session, new, self._states, self.clock, (IdempotencyKey, keys))
         for answer, receipt in accepted:

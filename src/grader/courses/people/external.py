@@ -60,9 +60,9 @@ def known_as(member: Member) -> External:
 
 def get_member(session: Session, course: str, who: External, name: str | None, role: Role = Role.STUDENT) -> Member:
     """The member whom another system knows so, also a removed one; made now at the first call. Raises Unprocessable."""
-    found = stored_people.find_with_account(session, course, who.account)
-    if found is not None:
-        return found
+    existing = stored_people.find_with_account(session, course, who.account)
+    if existing is not None:
+        return existing
     chosen = who.label if name is None else check_name("learner", name)
     member = members.get_with_account(session, who.account, chosen, role, course)
     member.namespace, member.external_id = who.namespace, who.id

@@ -75,17 +75,17 @@ def is_known(session: Session, name: str, course: str) -> bool:
 
 def get_with_account(session: Session, account: str, name: str, role: Role, course: str) -> Member:
     """Returns the member with this account; made now with the name and role at the first call."""
-    if found := people.find_with_account(session, course, account):
-        found.removed_at = None
-        return found
+    if existing := people.find_with_account(session, course, account):
+        existing.removed_at = None
+        return existing
     member = Member(id=make_member_id(), course=course, name=name, account=account, role=role.value)
     try:
         with session.begin_nested():
             session.add(member)
     except IntegrityError:  # another process has just made it
-        found = people.find_with_account(session, course, account)
-        assert found is not None
-        return found
+        existing = people.find_with_account(session, course, account)
+        assert existing is not None
+        return existing
     return member
 
 

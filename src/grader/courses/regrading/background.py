@@ -160,16 +160,16 @@ class Regrading:
             item.number: item
             for item in regrades.get_numbered(session, regrade.id, [regraded.work.number for regraded in done])
         }
-        found = {
+        by_id = {
             submission.id: submission
             for submission in submissions.get_several(session, [item.submission_id for item in items.values()])
         }
         storing = _Storing(self, session, regrade, self.archive.current_library(session, regrade.course, regrade.quiz))
         pause_s = 0.0
-        for _, theirs in groupby(done, key=lambda one: one.work.place):
+        for _, theirs in groupby(done, key=lambda regraded: regraded.work.place):
             for regraded in theirs:  # in their order, so that the first tells what counted before
                 item = items[regraded.work.number]
-                if waits_s := storing.settle(item, found.get(item.submission_id), regraded):
+                if waits_s := storing.settle(item, by_id.get(item.submission_id), regraded):
                     pause_s = max(pause_s, waits_s)
                     break
         session.flush()
@@ -240,11 +240,11 @@ def get_points(result: Result | None) -> float | None:
 def read_works(session: Session, items: Sequence[RegradeItem]) -> Iterator[Work]:
     """Yields the submissions of items, with what is known of them."""
     ids = [item.submission_id for item in items]
-    found = {submission.id: submission for submission in submissions.get_several(session, ids)}
-    verdicts, reviewed = submissions.read_verdicts(session, found.values()), regrades.find_reviewed(session, ids)
+    by_id = {submission.id: submission for submission in submissions.get_several(session, ids)}
+    verdicts, reviewed = submissions.read_verdicts(session, by_id.values()), regrades.find_reviewed(session, ids)
     for item in items:
-        one = item.submission_id
-        yield Work(item.number, item.place, found.get(one), verdicts.get(one), one in reviewed)
+        id_ = item.submission_id
+        yield Work(item.number, item.place, by_id.get(id_), verdicts.get(id_), id_ in reviewed)
 
 
 def list_changed(session: Session, item: RegradeItem) -> dict[str, tuple[Status, float]]:

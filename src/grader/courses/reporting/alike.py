@@ -49,7 +49,7 @@ def compare_scripts(
     names = {attempt.id: attempt.name for attempt in newest}
     sources = {row.id: read_source(row.answer) for row in submissions.get_several(session, list(names))}
     given = hash_given(list_given(desk.library, quiz, question))
-    fingerprints = {one: take_fingerprints(source, given) for one, source in sources.items() if source}
+    fingerprints = {script_id: take_fingerprints(source, given) for script_id, source in sources.items() if source}
     groups = tuple(find_alike(fingerprints))
     return AlikeAt(quiz, question.id, len(fingerprints), groups, names, sources, fingerprints)
 

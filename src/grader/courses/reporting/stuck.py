@@ -70,7 +70,7 @@ def find_stuck(session: Session, course: str, without: Collection[str]) -> list[
 def find_runs(tries: Iterable[Try]) -> list[Sequence[Try]]:
     """Returns the last attempts of each learner at a question that gained no points; of `ATTEMPTS_MIN` or more. Pure.
     `tries` are in order of the learner, the quiz, the question and time."""
-    by_place = groupby(tries, key=lambda one: (one.learner, one.quiz, one.question))
+    by_place = groupby(tries, key=lambda attempt: (attempt.learner, attempt.quiz, attempt.question))
     runs = [drop_gains(list(theirs)) for _, theirs in by_place]
     return [run for run in runs if len(run) >= ATTEMPTS_MIN]
 
@@ -109,9 +109,9 @@ def find_shared_mistakes(session: Session, course: str) -> list[SharedMistake]:
 def count_shared(made: Iterable[tuple[str, str, Any]]) -> list[SharedMistake]:
     """Returns the mistakes of most learners; `made` has the quiz, the question and the verdict of each. Pure."""
     named = ((quiz, question, name_mistake(one["status"], one["diagnosis"])) for quiz, question, one in made)
-    found = [(quiz, question, one) for quiz, question, one in named if one is not None and one.name != OTHER]
-    counts = Counter((quiz, question, one.key) for quiz, question, one in found)
-    names = {(quiz, question, one.key): one.name for quiz, question, one in found}
+    mistakes = [(quiz, question, one) for quiz, question, one in named if one is not None and one.name != OTHER]
+    counts = Counter((quiz, question, one.key) for quiz, question, one in mistakes)
+    names = {(quiz, question, one.key): one.name for quiz, question, one in mistakes}
     shared = [SharedMistake(*at, names[at], learners) for at, learners in counts.items() if learners >= SHARED_MIN]
     shared.sort(key=lambda mistake: (-mistake.learners, mistake.quiz, mistake.question, mistake.name))
     return shared[:SHARED_MAX]

@@ -40,7 +40,7 @@ def hide_names(
     if not who.is_instructor:
         return BlindedVerdicts(verdicts, {})
     held = reviews.find_of_submissions(session, [row.id for row in rows])
-    hidden = [one for one, review in held.items() if review.second == WAITING and review.reviewer != who.id]
+    hidden = [id_ for id_, review in held.items() if review.second == WAITING and review.reviewer != who.id]
     earlier = reviews.graders_verdicts(session, hidden) if hidden else {}
     names = list_pseudonyms(desk, session, who, [row for row in rows if is_marked(row, held)], always=always)
     return BlindedVerdicts({**verdicts, **earlier}, names)
@@ -84,12 +84,14 @@ def blinded_differences(
     desk: Desk, session: Session, who: Identity, quiz: str, items: Iterable[dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """The differences of a regrade (`regrades.differences`) without names and first marks that are to stay unseen."""
-    found = list(items)
-    rows = submissions.get_several(session, [sub["submission_id"] for item in found for sub in item["submissions"]])
+    differences = list(items)
+    rows = submissions.get_several(
+        session, [sub["submission_id"] for item in differences for sub in item["submissions"]]
+    )
     names, unseen = hide_names(desk, session, who, rows, {}).names, find_unseen(session, who)
     return [
         _difference(item, names, unseen, LearnerAt(who.course, item["learner"], quiz, item["question"]))
-        for item in found
+        for item in differences
     ]
 
 

@@ -51,5 +51,5 @@ class Desk:
 
     def is_anonymous(self, quiz: str) -> bool:
         """Says whether reviewers of a quiz see pseudonyms; also where the content has lost the quiz."""
-        found = self.library.quizzes.get(quiz)
-        return found is None or found.anonymous
+        loaded = self.library.quizzes.get(quiz)
+        return loaded is None or loaded.anonymous

@@ -59,11 +59,11 @@ class Group:
     @property
     def closest(self) -> dict[str, str]:
         """The members in the order of the pairs, each with the one that it shares most with."""
-        found: dict[str, str] = {}
+        others: dict[str, str] = {}
         for pair in self.pairs:
-            found.setdefault(pair.one, pair.other)
-            found.setdefault(pair.other, pair.one)
-        return found
+            others.setdefault(pair.one, pair.other)
+            others.setdefault(pair.other, pair.one)
+        return others
 
 
 def read_tokens(source: str) -> list[tuple[str, int]]:

@@ -84,12 +84,12 @@ def is_served(path: str) -> bool:
 def find_type(path: str, body: bytes) -> str:
     """Returns the media type of a file, by its bytes and its ending, which must agree. Raises ValueError with what is
     wrong and the cure."""
-    wanted, found = ENDINGS[PurePosixPath(path).suffix.lower()], sniff_type(body)
+    wanted, sniffed = ENDINGS[PurePosixPath(path).suffix.lower()], sniff_type(body)
     texts = {"text/csv": (SVG, "application/xml", "text/plain"), "application/xml": (SVG,)}
     texts["text/plain"] = texts["text/csv"]
-    if found != wanted and found not in texts.get(wanted, ()):
-        endings = (PICTURES | DOWNLOADS).get(found, ())
-        cure = f"it is {found}: end its name in {endings[0]}" if endings else "save it again"
+    if sniffed != wanted and sniffed not in texts.get(wanted, ()):
+        endings = (PICTURES | DOWNLOADS).get(sniffed, ())
+        cure = f"it is {sniffed}: end its name in {endings[0]}" if endings else "save it again"
         raise ValueError(f"is not what its name says, {wanted}; {cure}")
     return wanted
 

@@ -146,10 +146,10 @@ def attempt(student: object, trial: Mapping[str, Any], submit: Submit) -> bytes:
 
 def function_of(student: object, name: str) -> Callable[..., Any]:
     """Returns a function of the student's module. Raises TypeError if there is none of that name."""
-    found = getattr(student, name, None)
-    if not callable(found):
+    attribute = getattr(student, name, None)
+    if not callable(attribute):
         raise TypeError(f"the script defines no function {name}{instead_of(student, name)}")
-    function: Callable[..., Any] = found
+    function: Callable[..., Any] = attribute
     return function
 
 
@@ -175,8 +175,8 @@ def ends_the_script(error: BaseException) -> bool:
 
 def built_in(error: BaseException) -> type[BaseException]:
     """Returns the nearest built-in class of an exception."""
-    found: type[BaseException] = next(cls for cls in type(error).__mro__ if vars(builtins).get(cls.__name__) is cls)
-    return found
+    builtin: type[BaseException] = next(cls for cls in type(error).__mro__ if vars(builtins).get(cls.__name__) is cls)
+    return builtin
 
 
 def exchange(answer: bytes | None) -> bytes | None:

@@ -79,7 +79,7 @@ def call_function(names: Mapping[str, Any], call: Mapping[str, Any]) -> dict[str
     what it is, and of a program without the function those that it defines."""
     function = names.get(call["function"])
     if not callable(function):
-        return {"defines": [one for one, value in names.items() if getattr(value, "__module__", "") == NAME]}
+        return {"defines": [name for name, value in names.items() if getattr(value, "__module__", "") == NAME]}
     model = mujoco.MjModel.from_xml_string(call["xml"]) if call["xml"] else None
     made = function(model, dict(call["numbers"]), np.random.default_rng(call["seed"]))
     return {"made": [*map(write_plainly, made)]} if isinstance(made, list | tuple) else {"type": name_type(made)}

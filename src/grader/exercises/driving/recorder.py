@@ -133,14 +133,14 @@ def describe(value: Any) -> None:
 
 def first_numbers(items: Sequence[Any]) -> list[float]:
     """Returns items as numbers; nan for those that are not real numbers."""
-    found = []
+    numbers = []
     for item in items:
         is_number = type(item) in (bool, int, float) or isinstance(item, np.floating | np.integer)
         try:
-            found.append(float(item) if is_number else np.nan)
+            numbers.append(float(item) if is_number else np.nan)
         except OverflowError:
-            found.append(np.inf)
-    return found
+            numbers.append(np.inf)
+    return numbers
 
 
 def listen(stream: Any) -> None:

@@ -27,10 +27,10 @@ class Environment:
     @classmethod
     def from_program(cls, program: Mapping[str, Any]) -> "Environment":
         """Takes the functions of a program. Raises ValueError where it has none of them."""
-        found = {name: program[name] for name in FUNCTIONS if callable(program.get(name))}
-        if not found:
+        functions = {name: program[name] for name in FUNCTIONS if callable(program.get(name))}
+        if not functions:
             raise ValueError(f"it must define one of the functions {', '.join(FUNCTIONS)}")
-        return cls(**found)
+        return cls(**functions)
 
     def read_observation(self, model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
         """Returns what the program observes, in one row. Raises ValueError for what is no finite number."""

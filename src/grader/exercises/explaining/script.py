@@ -43,17 +43,17 @@ class Script:
     @cached_property
     def names(self) -> frozenset[str]:
         """Every name and attribute, and every text: what `getattr` may be called with."""
-        found: set[str] = set()
+        used: set[str] = set()
         for node in self.nodes:
             if isinstance(node, ast.Name):
-                found.add(node.id)
+                used.add(node.id)
             elif isinstance(node, ast.Attribute):
-                found.add(node.attr)
+                used.add(node.attr)
             elif isinstance(node, ast.alias):
-                found.update(node.name.split("."))
+                used.update(node.name.split("."))
             elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                found.add(node.value)
-        return frozenset(found)
+                used.add(node.value)
+        return frozenset(used)
 
     @property
     def has_loop(self) -> bool:
@@ -155,13 +155,13 @@ class Script:
         for node in self.nodes:  # from outside to inside: the innermost `if` is the last
             if isinstance(node, ast.If):
                 tests.update((id(inner), node.lineno) for inner in walk_within(node))
-        found: list[tuple[str, int, int]] = []
+        updates: list[tuple[str, int, int]] = []
         for node in self.nodes:
             for target, value in list_pairs(node):
                 if isinstance(target, ast.Name) and reads_name(value, middle) and target.id != middle:
                     line = getattr(node, "lineno", 0)
-                    found.append((target.id, line, line if has_choice(node) else tests.get(id(node), 0)))
-        return sorted(found, key=lambda one: one[1])
+                    updates.append((target.id, line, line if has_choice(node) else tests.get(id(node), 0)))
+        return sorted(updates, key=lambda update: update[1])
 
 
 NO_SCRIPT = Script()

@@ -19,10 +19,10 @@ from grader.exercises.explaining.script import (
 def find_origin(script: Script, line: int, field: str) -> int:
     """Returns the line that computes what the statement on a line writes into a field: where that is a variable, the
     line above it in the same block that gives the variable its value; else the line itself."""
-    found = next(((block, index) for block, index in list_places(script) if block[index].lineno == line), None)
-    if found is None or not writes_field(found[0][found[1]], field):
+    place = next(((block, index) for block, index in list_places(script) if block[index].lineno == line), None)
+    if place is None or not writes_field(place[0][place[1]], field):
         return line
-    block, index = found
+    block, index = place
     name = find_source(block[index], lambda target: is_target(target, field))
     while name is not None:
         index = next((above for above in range(index - 1, -1, -1) if binds(block[above], name)), -1)

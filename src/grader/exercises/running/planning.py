@@ -131,8 +131,8 @@ def plan_exercise(question: ScriptQuestion, model_xml: ModelXml, seed: int, text
     inputs: dict[bool, list[dict[str, Any]]] = {False: [], True: []}
     for index, trial in enumerate(trials):
         entries = trial.entries or (question.entry,)
-        one = {"index": index, "entries": entries, "hidden": trial.hidden, "inputs": trial.inputs}
-        inputs[trial.hidden].append(one)
+        entry = {"index": index, "entries": entries, "hidden": trial.hidden, "inputs": trial.inputs}
+        inputs[trial.hidden].append(entry)
     models = save_models(kind, parameters, [trial for trial in trials if not trial.hidden])
     return Plan(
         codes=compile_driver(kind.driver),

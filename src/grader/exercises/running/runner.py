@@ -72,23 +72,25 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
     known = {False: None, True: list_known_words(kind.driver)}
     held = {hidden: read_traces(parts[hidden].get(name), known[hidden]) for hidden, name in TRACES.items()}
     traces = [held[trial.hidden].get(index, NO_TRACE) for index, trial in enumerate(plan.trials)]
-    found = judge_trials(kind, plan, report, run)
+    outcomes = judge_trials(kind, plan, report, run)
     judged = settle(
         [
             JudgedTrial(trial, judgement, False, trace, script)
-            for trial, (judgement, _), trace in zip(plan.trials, found, traces, strict=True)
+            for trial, (judgement, _), trace in zip(plan.trials, outcomes, traces, strict=True)
         ]
     )
     titles = build_titles(plan.parameters, plan.trials)
     findings = build_findings(question, titles, judged)
-    ends = [end for _, end in found]
+    ends = [end for _, end in outcomes]
     if ends[0] is not None and all(ends):
         visible = {choose_message(trial) for trial in judged if not trial.hidden}
         first = choose_message(judged[0])
         return build_failure(question, ends[0], first if len(visible) == 1 else f"{titles[0]}: {first}", findings)
     whole = [trial for trial, end in zip(judged, ends, strict=True) if not end]
     said = [f"{title}: {choose_message(trial)}" for title, trial in zip(titles, judged, strict=True)]
-    authored = partial(find_authored_sentence, kind, plan, [one for one, _ in found], question.limits, run)
+    authored = partial(
+        find_authored_sentence, kind, plan, [judgement for judgement, _ in outcomes], question.limits, run
+    )
     mistake, direction = diagnose(
         kind, plan.parameters, list(zip(judged, said, strict=True)), whole, run, find_authored=authored
     )

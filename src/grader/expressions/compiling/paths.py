@@ -105,11 +105,11 @@ def _bind_scalar_writer(m: Machine, path: str) -> Callable[[Value], Value]:
 
 def bind_vector(m: Machine, path: str) -> Vector:
     """Returns the field at an allowed path, such as `data.qpos`. MuJoCo keeps it in place while the data lives."""
-    found = m.vectors.get(path)
-    if found is None:
+    vector = m.vectors.get(path)
+    if vector is None:
         array: Any = attrgetter(path)(m)
-        found = m.vectors[path] = Vector(array, path, WRITABLE[path])
-    return found
+        vector = m.vectors[path] = Vector(array, path, WRITABLE[path])
+    return vector
 
 
 def _bind_positions(m: Machine, path: str) -> dict[float, int]:

@@ -49,10 +49,10 @@ def _other_file_faults(xml: str, file: str, key: str) -> list[Fault]:
     if DECLARATION.search(xml):
         return [Fault(file, key, "does not compile: a model has no <!DOCTYPE ...> and no other <!...>: remove it")]
     try:
-        found = [f"<{element}> {why}" for element, why in _outside_files(xml)]
+        uses = [f"<{element}> {why}" for element, why in _outside_files(xml)]
     except ET.ParseError as error:
         return [Fault(file, key, f"does not compile: not well-formed XML: {error}")]
-    return [Fault(file, key, "a model may not use other files, but " + "; ".join(found))] if found else []
+    return [Fault(file, key, "a model may not use other files, but " + "; ".join(uses))] if uses else []
 
 
 def model_faults(xml: str, file: str) -> list[Fault]:

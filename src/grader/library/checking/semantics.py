@@ -60,7 +60,7 @@ def list_named_models(raw: Any, key: str) -> Iterator[tuple[str, str]]:
             elif name == "models" and isinstance(item, list):
                 named = [part[0] if isinstance(part, list) and part else part for part in item]
                 yield from (
-                    (join_key(key, name, index), one) for index, one in enumerate(named) if isinstance(one, str)
+                    (join_key(key, name, index), model) for index, model in enumerate(named) if isinstance(model, str)
                 )
             elif not name.startswith("x-"):
                 yield from list_named_models(item, join_key(key, name))

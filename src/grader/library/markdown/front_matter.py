@@ -42,8 +42,8 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]
             if key.value in seen:
                 raise yaml.MarkedYAMLError(None, None, f"{key.value} occurs more than once: keep one", key.start_mark)
             seen.add(key.value)
-        found: dict[Hashable, Any] = super().construct_mapping(node, deep=deep)
-        return found
+        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep=deep)
+        return mapping
 
 
 class _Dumper(yaml.SafeDumper):  # type: ignore[misc]
@@ -69,18 +69,18 @@ def read_front_matter(front: str, file: str) -> dict[str, Any] | Fault:
     if len(front) > CHARS_MAX:
         return Fault(file, "line 1", f"the front matter is longer than {CHARS_MAX >> 10} KB: make it shorter")
     try:
-        found = yaml.load(front, _Loader)  # noqa: S506 - derived of SafeLoader
+        data = yaml.load(front, _Loader)  # noqa: S506 - derived of SafeLoader
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 2 if mark else 1
         return Fault(file, f"line {line}", f"front matter: {error.problem or error.context}")
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         return Fault(file, "line 1", f"front matter: {' '.join(str(error).split())[:200] or 'nested too deeply'}")
-    if found is None:
+    if data is None:
         return {}
-    if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):
+    if not isinstance(data, dict) or not all(isinstance(name, str) for name in data):
         return Fault(file, "line 1", "front matter: must be keys with values, such as title: Knowledge check")
-    return found
+    return data
 
 
 def write_front_matter(values: dict[str, Any]) -> str:

@@ -59,8 +59,8 @@ def write_question(question: Mapping[str, Any]) -> str:
 
 def _read_back(text: str) -> dict[str, Any]:
     """Returns the question that a text gives; nothing where it gives none."""
-    found = read_markdown(f"\n{text}\n", FILE).raw
-    questions = found.get("questions", []) if found else []
+    raw = read_markdown(f"\n{text}\n", FILE).raw
+    questions = raw.get("questions", []) if raw else []
     return dict(questions[0]) if len(questions) == 1 else {}
 
 

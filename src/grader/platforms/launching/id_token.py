@@ -73,12 +73,12 @@ def signed_payload(token: str, key: dict[str, Any]) -> bytes:
 def read_object(text: bytes) -> dict[str, Any]:
     """Returns the JSON object in a text. Raises Unauthorized."""
     try:
-        found = json.loads(text)
+        value = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise Unauthorized("The launch's token cannot be read.") from error
-    if not isinstance(found, dict):
+    if not isinstance(value, dict):
         raise Unauthorized("The launch's token is no JSON object.")
-    return found
+    return value
 
 
 def check_parties(claims: dict[str, Any], platform: Platform, nonce: str) -> None:

@@ -109,19 +109,19 @@ def read_reviewed(claims: Mapping[str, Any]) -> str:
 
 def read_part(claims: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """Returns a claim that is an object; empty if it is missing. Raises Unauthorized for anything else."""
-    found = claims.get(name)
-    if found is not None and not isinstance(found, dict):
+    part = claims.get(name)
+    if part is not None and not isinstance(part, dict):
         raise Unauthorized(f"The launch's claim {name} is no object.")
-    return found or {}
+    return part or {}
 
 
 def read_identifier(claims: Mapping[str, Any], name: str) -> str:
     """Returns an identifier of the platform: 1 to 255 printable characters. Raises Unauthorized."""
-    found = claims.get(name)
-    if not isinstance(found, str) or not 1 <= len(found) <= ID or not found.isprintable():
+    identifier = claims.get(name)
+    if not isinstance(identifier, str) or not 1 <= len(identifier) <= ID or not identifier.isprintable():
         short = name.removeprefix(words.CLAIM)
         raise Unauthorized(f"The launch does not say its {short}, as a text of 1 to {ID} characters.")
-    return found
+    return identifier
 
 
 def read_label(text: object) -> str:

@@ -87,14 +87,14 @@ def begin(session: Session, fields: Mapping[str, str], origin: str) -> Login:
 def find_platform(session: Session, fields: Mapping[str, str]) -> Platform:
     """Returns the approved platform that begins a login. Raises Unauthorized."""
     issuer = fields.get("iss", "")
-    found = platforms.find_registered(session, issuer, fields.get("client_id"))
-    if not found:
+    registered = platforms.find_registered(session, issuer, fields.get("client_id"))
+    if not registered:
         raise Unauthorized("This learning platform is not registered here: its administrator can do so.")
-    if len(found) > 1:
+    if len(registered) > 1:
         raise Unauthorized("This platform is registered several times: its login must name the client_id.")
-    if found[0].approved_at is None:
+    if registered[0].approved_at is None:
         raise Unauthorized("The registration of this learning platform waits for approval here.")
-    return platforms.read_platform(found[0])
+    return platforms.read_platform(registered[0])
 
 
 def answer(session: Session, state: str, key: str) -> AnsweredLogin | UnboundLogin:

@@ -114,9 +114,9 @@ async def exchange(
     if answer.status not in CREATED:
         raise Unprocessable(f"The platform refuses: it answers {answer.status}.")
     try:
-        found = json.loads(answer.body)
+        value = json.loads(answer.body)
     except (ValueError, RecursionError) as error:
         raise Unprocessable("The platform's answer is not JSON.") from error
-    if not isinstance(found, dict):
+    if not isinstance(value, dict):
         raise Unprocessable("The platform's answer is no JSON object.")
-    return found
+    return value

@@ -139,10 +139,10 @@ class LineItems:
 
 def read_url(item: Any, base: str) -> str:
     """Returns the URL of a line item as the platform returned it. Raises Unreachable."""
-    found = item.get("id") if isinstance(item, dict) else None
-    if not isinstance(found, str) or not found:
+    url = item.get("id") if isinstance(item, dict) else None
+    if not isinstance(url, str) or not url:
         raise Unreachable("The platform's line item has no id.")
-    return urljoin(base, found)
+    return urljoin(base, url)
 
 
 def choose_scopes(granted: Collection[str]) -> list[str]:

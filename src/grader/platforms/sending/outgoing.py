@@ -61,8 +61,8 @@ class Response:
 
 async def resolve(host: str, port: int) -> list[Address]:
     """Asks the system's resolver."""
-    found = await asyncio.get_running_loop().getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    return list(dict.fromkeys(ip_address(str(entry[4][0]).partition("%")[0]) for entry in found))
+    entries = await asyncio.get_running_loop().getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    return list(dict.fromkeys(ip_address(str(entry[4][0]).partition("%")[0]) for entry in entries))
 
 
 @cache
@@ -100,13 +100,13 @@ class Outgoing:
     async def _addresses(self, endpoint: Endpoint) -> list[Address]:
         """Returns every address of the host. Raises RefusedURL if one of them is not public."""
         known = read_literal(endpoint.host)
-        found = [known] if known is not None else await self.resolve(endpoint.host, endpoint.port)
-        if not found:
+        addresses = [known] if known is not None else await self.resolve(endpoint.host, endpoint.port)
+        if not addresses:
             raise Unreachable("The host of the URL has no address.")
         if not endpoint.is_private:
-            for address in found:
+            for address in addresses:
                 refuse_address(address)
-        return found
+        return addresses
 
     def _request(self, method: str, url: str, headers: Mapping[str, str] | None, body: bytes | None) -> httpx2.Request:
         return httpx2.Request(method, url, headers=HEADERS | dict(headers or {}), content=body)

@@ -98,23 +98,23 @@ def compute_score(
     question, `worth` the points of the quiz's questions, and `comments` the reviewers' by submission. None if there is
     nothing to score."""
     if question:
-        found = {question: results[question]} if question in results else {}
-        asked = {question: worth.get(question) or (found[question].max_points if found else 0.0)}
+        counted = {question: results[question]} if question in results else {}
+        asked = {question: worth.get(question) or (counted[question].max_points if counted else 0.0)}
     else:
-        found = {name: result for name, result in results.items() if name in worth}
+        counted = {name: result for name, result in results.items() if name in worth}
         asked = dict(worth)
     maximum = round(sum(asked.values()), DIGITS)
-    if not found or maximum <= 0:
+    if not counted or maximum <= 0:
         return None
-    decided = [result.points for result in found.values() if result.is_final]
-    is_final = len(decided) == len(found)
-    given = round(sum(result.points for result in found.values()), DIGITS) if decided else None
-    if len(found) < len(asked):
+    decided = [result.points for result in counted.values() if result.is_final]
+    is_final = len(decided) == len(counted)
+    given = round(sum(result.points for result in counted.values()), DIGITS) if decided else None
+    if len(counted) < len(asked):
         activity = "InProgress"
     else:
         activity = "Completed" if is_final else "Submitted"
     grading = FULLY_GRADED if is_final else PENDING_MANUAL
-    return Score(given, maximum, activity, grading, join_comments(found, comments, of_quiz=not question))
+    return Score(given, maximum, activity, grading, join_comments(counted, comments, of_quiz=not question))
 
 
 def join_comments(results: Mapping[str, Result], comments: Mapping[str, str], *, of_quiz: bool) -> str:

@@ -62,7 +62,7 @@ class AnswerPool:
         """Returns an answer that was not `used` before, as far as there is one."""
         if is_right or self.is_open:
             return rng.choice(self.right)
-        left = [(one, weight) for one, weight in zip(self.wrong, self.weights, strict=True) if one not in used]
+        left = [(answer, weight) for answer, weight in zip(self.wrong, self.weights, strict=True) if answer not in used]
         some, weights = zip(*(left or zip(self.wrong, self.weights, strict=True)), strict=True)
         return rng.choices(some, weights)[0]
 

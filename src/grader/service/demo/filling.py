@@ -148,8 +148,8 @@ def judge_answers(
             )  # fmt: skip
 
         pool = stack.enter_context(ThreadPoolExecutor(workers))
-        for number, (one, verdict) in enumerate(zip(scripts, pool.map(judge_or_recall, scripts), strict=True), 1):
-            verdicts[one.digest] = verdict
+        for number, (script, verdict) in enumerate(zip(scripts, pool.map(judge_or_recall, scripts), strict=True), 1):
+            verdicts[script.digest] = verdict
             if number % 20 == 0 or number == len(scripts):
                 say(f"{number} of {len(scripts)} scripts judged")
     return verdicts

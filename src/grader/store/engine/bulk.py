@@ -110,7 +110,7 @@ def _insert_json(
     """The statement for PostgreSQL that inserts rows with these columns into each table, all at once: foreign keys are
     checked at its end. The driver takes longer to send parameters of their own than the server takes to insert them."""
     *others, last = [_insert_from_json(table, names, replaces=table is replace) for table, names in columns]
-    return last.add_cte(*(one.cte(f"into_{number}") for number, one in enumerate(others)))
+    return last.add_cte(*(statement.cte(f"into_{number}") for number, statement in enumerate(others)))
 
 
 def _insert_from_json(table: type[DeclarativeBase], names: tuple[str, ...], *, replaces: bool) -> Any:

@@ -48,10 +48,10 @@ BY_LINE = (LineComment.line.nulls_first(), LineComment.id)
 def on_submissions(session: Session, ids: Iterable[str]) -> dict[str, list[LineComment]]:
     """The comments on submissions, by submission, each in the order BY_LINE."""
     wanted = select(LineComment).where(LineComment.submission_id.in_(list(ids)))
-    found: dict[str, list[LineComment]] = {}
+    by_submission: dict[str, list[LineComment]] = {}
     for comment in session.scalars(wanted.order_by(*BY_LINE)):
-        found.setdefault(comment.submission_id, []).append(comment)
-    return found
+        by_submission.setdefault(comment.submission_id, []).append(comment)
+    return by_submission
 
 
 class CommentedAttempt(NamedTuple):

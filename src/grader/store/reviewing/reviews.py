@@ -41,16 +41,16 @@ class Queue:
 
     def conditions(self) -> list[ColumnElement[bool]]:
         """The queue as SQL conditions on submissions."""
-        found = self.wanted.conditions()
+        conditions = self.wanted.conditions()
         if self.second_for is None:
-            found += [UNSETTLED, Submission.status == NEEDS_REVIEW, _counts(self.averaged)]
+            conditions += [UNSETTLED, Submission.status == NEEDS_REVIEW, _counts(self.averaged)]
         else:
             # The course stands here too, so that the index of reviews finds the few that wait.
             waiting = _first_marks(self.wanted.course, self.second_for)
-            found += [Submission.status == GRADED, Submission.id.in_(waiting)]
+            conditions += [Submission.status == GRADED, Submission.id.in_(waiting)]
         if self.quizzes is not None:
-            found.append(Submission.quiz.in_(self.quizzes))
-        return found
+            conditions.append(Submission.quiz.in_(self.quizzes))
+        return conditions
 
 
 def read_remarks(session: Session, submissions: Collection[str]) -> dict[str, str]:
@@ -61,9 +61,9 @@ def read_remarks(session: Session, submissions: Collection[str]) -> dict[str, st
         .join(Submission, NEWEST)
         .where(Submission.id.in_(submissions), VerdictRow.reviewer.is_not(None))
     )
-    findings = {one: json.loads(body)["findings"] for one, body in session.execute(decided)}
-    written = {one: finding["message"] for one, all_ in findings.items() for finding in all_ if finding["id"] == REVIEW}
-    return {one: text for one, text in written.items() if text != NO_COMMENT}
+    findings = {id_: json.loads(body)["findings"] for id_, body in session.execute(decided)}
+    written = {id_: finding["message"] for id_, all_ in findings.items() for finding in all_ if finding["id"] == REVIEW}
+    return {id_: text for id_, text in written.items() if text != NO_COMMENT}
 
 
 def page(session: Session, queue: Queue, after: str | None, limit: int, clock: datetime) -> Sequence[Waiting]:

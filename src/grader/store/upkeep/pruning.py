@@ -73,7 +73,7 @@ def _delete(
     """Deletes the wanted rows in the order of their keys; they are looked for outside of the writing transactions."""
     count, order, names = 0, tuple_(*key), [f"{column.key}_of_row" for column in key]
     # Row by row: for a list of composite keys SQLite reads the whole table.
-    one = delete(table).where(*(column == bindparam(name) for column, name in zip(key, names, strict=True)))
+    deletion = delete(table).where(*(column == bindparam(name) for column, name in zip(key, names, strict=True)))
     following = wanted.with_only_columns(*key).order_by(*key).limit(BATCH)
     rest = following
     while True:
@@ -82,5 +82,5 @@ def _delete(
         if not keys:
             return count
         with database.write() as session:
-            session.connection().execute(one, [dict(zip(names, row, strict=True)) for row in keys])
+            session.connection().execute(deletion, [dict(zip(names, row, strict=True)) for row in keys])
         count, rest = count + len(keys), following.where(order > keys[-1])

@@ -91,18 +91,18 @@ class Meter:
 
     def distances(self, one: States, other: States, times_s: Vector) -> Vector:
         """Returns the largest difference up to each of these times after the start, (n,); inf where a run ended."""
-        found = np.full(len(times_s), inf)
+        distances = np.full(len(times_s), inf)
         times = times_s + self.scene.start.time_s
         kept = int(np.sum(times <= min(one.time[-1], other.time[-1]) + 1e-9)) if min(map(_count, (one, other))) else 0
         first, second = (interpolate(self.scene, run, times[:kept]) for run in (one, other))
         if self.quantity is None:
             for row, (a, b) in enumerate(zip(first.qpos, second.qpos, strict=True)):
-                found[row] = measure_position_distance(self.scene, a[None], b[None])
+                distances[row] = measure_position_distance(self.scene, a[None], b[None])
         else:
             values = (measure_quantity(self.scene, run, self.quantity) for run in (first, second))
-            found[:kept] = np.abs(np.subtract(*values))
-        found[np.isnan(found)] = inf
-        return np.asarray(np.maximum.accumulate(found))
+            distances[:kept] = np.abs(np.subtract(*values))
+        distances[np.isnan(distances)] = inf
+        return np.asarray(np.maximum.accumulate(distances))
 
     def excursion(self, run: Rollout) -> float:
         """How far the quantity moves from its start; inf for a run that diverged."""

@@ -163,7 +163,7 @@ class References:
             if data.nefc:
                 raise Touched
 
-        found = False
+        has_solution = False
         for rtol in [rtol for rtol in RTOLS[:-2] if rtol <= RTOLS_SHARE * self.tolerance] + [*RTOLS[-2:]]:
             self.progress(f"the reference: DOP853 at a tolerance of {rtol:g}")
             try:
@@ -171,10 +171,10 @@ class References:
                     self.meter.scene, times_s, rtol=rtol, atol=rtol / 100, forward=forward, constraints=False
                 )
             except OutOfTime:
-                if not found:
+                if not has_solution:
                     raise
                 return
-            found = True
+            has_solution = True
 
     def solve_across_constraints(self, times_s: Vector) -> tuple[Reference, Vector] | None:
         """Returns a solution by RK45, up to where it got stuck, and its distance to RK23; None where one got stuck at

@@ -183,8 +183,8 @@ def compile_quantity(expression: str, scene: Scene) -> Quantity:
     program = compile_program(expression, "expression", "--quantity")
 
     def evaluate(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-        found = program.run(Machine(model, data))
-        return float(found) if isinstance(found, int | float) and not isinstance(found, bool) else nan
+        value = program.run(Machine(model, data))
+        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else nan
 
     with scene.borrow(keep=False) as workspace:
         workspace.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)

@@ -251,7 +251,7 @@ class _Survey:
         while True:
             cheapest = min(filter(None, map(self.find_passing, self.offered)), key=_rank, default=None)
             limit = inf if cheapest is None else cheapest.cost
-            wanted = [one for integrator in self.offered if (one := self.next_of(integrator, limit)) is not None]
+            wanted = [pair for integrator in self.offered if (pair := self.next_of(integrator, limit)) is not None]
             if not wanted and cheapest is not None:
                 wanted = [(cheapest.integrator, h) for h in self.list_confirming(cheapest)]
                 wanted = [setting for setting in wanted if setting not in self.measured]

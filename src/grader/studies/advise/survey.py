@@ -118,12 +118,12 @@ def solve_pair(
     scene: Scene, times: Vector, method: Adaptive, rtols: tuple[float, float]
 ) -> tuple[States, States] | None:  # fmt: skip
     """Returns the solutions at both tolerances; None where one gets stuck."""
-    found = list[States]()
+    solutions = list[States]()
     for rtol in rtols:
-        found += solve_adaptively(scene, times, method, rtol=rtol)
-        if len(found[-1].time) < len(times):
+        solutions += solve_adaptively(scene, times, method, rtol=rtol)
+        if len(solutions[-1].time) < len(times):
             return None
-    return found[0], found[1]
+    return solutions[0], solutions[1]
 
 
 def run_euler(meter: Meter, times: Vector) -> tuple[States, States]:

@@ -54,9 +54,9 @@ class Floor:
     least: float
     source: str
 
-    def held(self, found: TimeRatio) -> bool:
+    def held(self, ratio: TimeRatio) -> bool:
         """Whether the ratio of the shortest times or the upper end of the median's interval reaches the floor."""
-        return max(found.least, found.interval[1]) >= self.least
+        return max(ratio.least, ratio.interval[1]) >= self.least
 
 
 def measure_rungs(name: str, slow: int, fast: int) -> TimeRatio:
@@ -145,10 +145,10 @@ FLOORS = [
 def measure_floor(floor: Floor) -> tuple[TimeRatio, bool]:
     """Measures the ratio, again while it is below the floor; returns it, and whether the floor held."""
     for _ in range(TURNS):
-        found = floor.measure()
-        if held := floor.held(found):
+        ratio = floor.measure()
+        if held := floor.held(ratio):
             break
-    return found, held
+    return ratio, held
 
 
 def main(words: list[str]) -> int:
@@ -159,12 +159,12 @@ def main(words: list[str]) -> int:
         if not all(word in floor.name for word in words):
             continue
         try:
-            found, held = measure_floor(floor)
+            ratio, held = measure_floor(floor)
         except NoLoop as why:
             print(f"{'-':6}{floor.name:32}not measured: {why}")
             continue
         failed += not held
-        shown = f"x{found.least:.2f} (median {found.interval[0]:.2f} to {found.interval[1]:.2f})"
+        shown = f"x{ratio.least:.2f} (median {ratio.interval[0]:.2f} to {ratio.interval[1]:.2f})"
         print(f"{'ok' if held else 'BELOW':6}{floor.name:32}{shown:32}floor x{floor.least:g}: {floor.source}")
     return 1 if failed else 0
 

@@ -74,8 +74,8 @@ class Measurement(ABC):
 
     def rows(self, record: Record) -> list[Record]:
         """Returns the lines of the CSV: by default one of the record's numbers and words, where it has any."""
-        found = {name: value for name, value in record.items() if isinstance(value, str | int | float)}
-        return [found] if found else []
+        row = {name: value for name, value in record.items() if isinstance(value, str | int | float)}
+        return [row] if row else []
 
 
 Records = Mapping[Measurement, Record]
@@ -144,13 +144,13 @@ class Journal:
 
     def read(self) -> dict[str, Record]:
         """Returns the records by their measurements' rows as JSON; a line that was cut short is left out."""
-        found = {}
+        records = {}
         for line in self.path.read_text(encoding="utf-8").splitlines() if self.path.exists() else ():
             with suppress(ValueError):
                 entry = json.loads(line)
                 if entry["context"] == self.context:
-                    found[json.dumps(entry["key"])] = entry["record"]
-        return found
+                    records[json.dumps(entry["key"])] = entry["record"]
+        return records
 
     def add(self, key: Measurement, record: Record) -> Record:
         """Append a record, on a line of its own whatever stands before it; return it as `read` would."""
@@ -190,8 +190,8 @@ def measure_in_parallel(keys: Sequence[Measurement], quick: bool) -> Iterator[tu
     """Measure on all cores; yield each record as it is finished."""
     with ProcessPoolExecutor(mp_context=get_context("spawn"), initializer=prepare) as pool:
         try:
-            found = {pool.submit(key.measure, quick, {}): key for key in keys}
-            yield from ((found[future], future.result()) for future in as_completed(found))
+            futures = {pool.submit(key.measure, quick, {}): key for key in keys}
+            yield from ((futures[future], future.result()) for future in as_completed(futures))
         finally:
             pool.shutdown(cancel_futures=True)
 

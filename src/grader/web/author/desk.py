@@ -126,10 +126,10 @@ class AuthorDesk:
         files = list_quiz_files(self.root)
         by_id = {outline[0]: file for file in files if (outline := outline_quiz(self.root, file)) is not None}
         by_name = {Path(file).stem: file for file in files}
-        found = by_id.get(quiz) or by_name.get(quiz)
-        if found is None:
+        path = by_id.get(quiz) or by_name.get(quiz)
+        if path is None:
             raise NotFound(f"There is no quiz {quiz!r}.")
-        return found
+        return path
 
     def read_source(self, quiz: str, question: str) -> tuple[str, str, bool]:
         """Returns the source of a question, the tag under which it is saved, and whether it is that of the whole file,

@@ -43,14 +43,14 @@ class Preview:
 def list_samples(question: Question) -> list[Sample]:
     """Returns how answers that people might give are read and judged."""
     kind = kind_of(question)
-    found = []
+    samples = []
     for answer in kind.sample_answers(question):
         verdict = grade_answer(question, answer)
         is_read = verdict.status is not Status.INVALID_ANSWER
         read_as = (verdict.read_as or "") if is_read else verdict.diagnosis or ""
         text = answer if isinstance(answer, str) else kind.show(question, answer)
-        found.append(Sample(text, read_as, describe_status(verdict.status, withheld=False), verdict.points))
-    return found
+        samples.append(Sample(text, read_as, describe_status(verdict.status, withheld=False), verdict.points))
+    return samples
 
 
 def find_answer(question: Question, status: Status) -> tuple[Any, Verdict] | None:
@@ -69,14 +69,14 @@ def build_preview(
     policy = policy or quiz.default_policy
     if state == "due" and policy.due is None:
         return Preview(None, "This quiz has no due date: write one into its policy.")
-    found = None
+    sample = None
     if state != "unanswered":
-        found = find_answer(question, Status.CORRECT if state == "right" else Status.INCORRECT)
-        if found is None and kind_of(question).is_script:
+        sample = find_answer(question, Status.CORRECT if state == "right" else Status.INCORRECT)
+        if sample is None and kind_of(question).is_script:
             return Preview(None, "A script is judged by a run: see the reference programs below.")
-        if found is None:
+        if sample is None:
             return Preview(None, "This kind names no answer for this state: answer below, under Unanswered.")
-    return Preview(build_asked(library, quiz, question, found, policy, is_over=state == "due"))
+    return Preview(build_asked(library, quiz, question, sample, policy, is_over=state == "due"))
 
 
 def try_form(library: Library, quiz: Quiz, question: Question, fields: Fields) -> Preview:
@@ -95,24 +95,24 @@ def try_form(library: Library, quiz: Quiz, question: Question, fields: Fields) -
 
 
 def build_asked(
-    library: Library, quiz: Quiz, question: Question, found: tuple[Any, Verdict] | None, policy: Policy, *,
+    library: Library, quiz: Quiz, question: Question, sample: tuple[Any, Verdict] | None, policy: Policy, *,
     is_over: bool = False, typed: TypedAnswer | None = None,
 ) -> AskedQuestion:  # fmt: skip
     """Returns a question with an answer and its verdict, redacted as a student sees it."""
-    solved = found is not None and found[1].status is Status.CORRECT
-    progress = Progress() if found is None else Progress(used=1, solved=solved)
+    solved = sample is not None and sample[1].status is Status.CORRECT
+    progress = Progress() if sample is None else Progress(used=1, solved=solved)
     at = choose_moment(policy, is_over=is_over)
     policies: Mapping[str, Policy] = {quiz.id: policy}
     access = LearnerAccess(library, policies, "student", at, {(quiz.id, question.id): progress}, {}, {})
     decision = access.decide(quiz.id, question.id)
     given = None
-    if found is not None:
-        answer, verdict = found
+    if sample is not None:
+        answer, verdict = sample
         shown = redact_json(verdict, decision)
         given = GivenAnswer("preview", 1, at, answer, "done", shown, decision.withheld)
     place = describe_place(access, quiz, question, given, None)
     if given is not None and given.is_decided and decision.shown >= Visibility.FEEDBACK:
-        place = replace(place, points=found[1].points if found else None)
+        place = replace(place, points=sample[1].points if sample else None)
     view = present_question(library, quiz.id, question) | {"path": f"/try/{quiz.id}/{question.id}"}
     return describe_question(view, question, quiz.id, Work(access, {(quiz.id, question.id): place}), typed)
 

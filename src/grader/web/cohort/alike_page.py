@@ -49,16 +49,16 @@ def show_alike(
     context: dict[str, Any] = {
         "exercises": [(f"{quiz}/{asked.id}", titles[quiz, asked.id]) for quiz, asked in exercises],
         "what": what,
-        "found": None,
+        "alike": None,
         "sides": (),
         "others": (),
     }
     if exercises:
-        found = compare(services, who, choose_exercise(exercises, what))
-        context |= {"found": found, "what": f"{found.quiz}/{found.question}"}
+        alike = compare(services, who, choose_exercise(exercises, what))
+        context |= {"alike": alike, "what": f"{alike.quiz}/{alike.question}"}
         if one or other:
-            context |= {"sides": make_sides(found, one, other), "one": one, "other": other}
-            context["others"] = list_others(found, one)
+            context |= {"sides": make_sides(alike, one, other), "one": one, "other": other}
+            context["others"] = list_others(alike, one)
     return page(request, "alike.html", who=who, **context)
 
 
@@ -76,21 +76,21 @@ def compare(services: Services, who: Identity, at: tuple[str, Question]) -> Alik
         return compare_scripts(services.classes, services.desk_of(who.course), session, who, at)
 
 
-def make_sides(found: AlikeAt, one: str, other: str) -> tuple[Side, Side]:
+def make_sides(alike: AlikeAt, one: str, other: str) -> tuple[Side, Side]:
     """Returns two scripts side by side. Raises NotFound where they are none of these."""
-    if one not in found.fingerprints or other not in found.fingerprints:
+    if one not in alike.fingerprints or other not in alike.fingerprints:
         raise NotFound("One of the two has handed in another script meanwhile.")
-    return make_side(found, one, other), make_side(found, other, one)
+    return make_side(alike, one, other), make_side(alike, other, one)
 
 
-def list_others(found: AlikeAt, one: str) -> list[str]:
+def list_others(alike: AlikeAt, one: str) -> list[str]:
     """Returns the other scripts of the group of a script; none where it is in no group."""
-    group = next((group for group in found.groups if one in group.closest), None)
+    group = next((group for group in alike.groups if one in group.closest), None)
     return [] if group is None else [each for each in group.closest if each != one]
 
 
-def make_side(found: AlikeAt, one: str, other: str) -> Side:
+def make_side(alike: AlikeAt, one: str, other: str) -> Side:
     """Returns one of two scripts."""
-    marked = found.mark(one, other)
-    lines = tuple((line, number in marked) for number, line in enumerate(found.sources[one].splitlines(), 1))
-    return Side(found.names[one], f"{REVIEW}/{one}?which=submissions", lines)
+    marked = alike.mark(one, other)
+    lines = tuple((line, number in marked) for number, line in enumerate(alike.sources[one].splitlines(), 1))
+    return Side(alike.names[one], f"{REVIEW}/{one}?which=submissions", lines)

@@ -88,8 +88,8 @@ class ClassAt:
         """Returns the axis of this id; without one that on which most learners are wrong, of those with a right value;
         None where there is none."""
         axes = self.answers.axes
-        found = [axis for axis in axes if axis.id == wanted] or [axis for axis in axes if axis.right] or list(axes)
-        return max(found, key=lambda axis: len(self.list_wrong(axis)), default=None)
+        candidates = [axis for axis in axes if axis.id == wanted] or [axis for axis in axes if axis.right] or list(axes)
+        return max(candidates, key=lambda axis: len(self.list_wrong(axis)), default=None)
 
     def list_wrong(self, axis: ClassAxis) -> list[Position]:
         """Returns the newest position of each learner who is wrong on an axis."""
@@ -231,5 +231,5 @@ def find_wrong_pile(at: ClassAt, axis: ClassAxis | None) -> tuple[int, str] | No
     if axis is None:
         return None
     wrong = Counter(round_position(position, FIGURES, axis) for position in at.list_wrong(axis))
-    said, count = max(wrong.items(), key=lambda one: one[1], default=("", 0))
+    said, count = max(wrong.items(), key=lambda pair: pair[1], default=("", 0))
     return (count, said) if count > 1 else None

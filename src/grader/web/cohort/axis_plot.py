@@ -272,7 +272,7 @@ def name_piles(canvas: Canvas, piles: Mapping[float, list[Dot]], taken: Sequence
     tops = {x: base - canvas.gap * len(pile) - 2 for x, pile in piles.items()}
     wanted: dict[tuple[str, ...], Label] = {}
     off = [(x, [dot for dot in pile if not axis.accepts(dot.position)]) for x, pile in piles.items()]
-    for x, wrong in sorted(off, key=lambda one: -len(one[1])):
+    for x, wrong in sorted(off, key=lambda pair: -len(pair[1])):
         names = Counter(filter(None, (name_dot(dot, axis) for dot in wrong)))
         if len(wrong) >= named_from and 2 * len(wrong) >= len(piles[x]) and names:
             lines = shorten_mistake(names.most_common(1)[0][0], is_narrow=is_narrow)
@@ -319,7 +319,7 @@ def list_moves(dots: Sequence[Dot], axis: ClassAxis, across: Axis) -> list[tuple
         if dot.before is not None
     ]
     moves = [(start, end) for start, end in ends if abs(end - start) > 2 * DOT]
-    return sorted(moves, key=lambda one: -abs(one[1] - one[0]))[:ARROWS_MAX]
+    return sorted(moves, key=lambda move: -abs(move[1] - move[0]))[:ARROWS_MAX]
 
 
 def draw_arrows(drawing: Drawing, moves: Sequence[tuple[float, float]], top: float) -> None:

@@ -56,9 +56,9 @@ def show_scripts(
         *((attempt.submission, False) for attempt in family.was),
     ]
     with services.database.read() as session:
-        rows = {row.id: row.answer for row in submissions.get_several(session, [one for one, _ in made])}
+        rows = {row.id: row.answer for row in submissions.get_several(session, [id_ for id_, _ in made])}
     shown = made[start : start + SCRIPTS]
-    scripts = [make_script(at, one, rows[one], is_still=is_still) for one, is_still in shown]
+    scripts = [make_script(at, id_, rows[id_], is_still=is_still) for id_, is_still in shown]
     following = start + SCRIPTS if len(made) > start + SCRIPTS else None
     context: dict[str, Any] = {"at": at, "family": family, "scripts": scripts, "start": start, "following": following}
     return page(request, "class_scripts.html", who=who, **context)

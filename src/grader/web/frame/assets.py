@@ -49,8 +49,8 @@ async def static_file(path: str, scope: Scope) -> Response:
     if rest and (is_current or DIGEST.fullmatch(first)):
         path = rest
     script = list_lab_scripts().get(path)
-    found, name = (_files, path) if script is None else (StaticFiles(directory=script.parent), script.name)
-    response = await found.get_response(name, scope)
+    files, name = (_files, path) if script is None else (StaticFiles(directory=script.parent), script.name)
+    response = await files.get_response(name, scope)
     caching = FOR_GOOD if is_current else "no-cache"
     response.headers.update({"Cache-Control": caching, "X-Content-Type-Options": "nosniff"})
     return response

@@ -121,9 +121,9 @@ def choose_learners(form: Mapping[str, str], learners: Sequence[Member], marks: 
     """Returns the learners whom a form ticks (`learner-ID`) or names, each once, by name. Raises Unprocessable where no
     learner is chosen, or with a line for each name that no learner or several bear."""
     named: dict[str, list[Member]] = {}
-    for one in learners:
-        for name in {one.name, mark_name(one.name, one.id, marks)}:
-            named.setdefault(" ".join(name.split()), []).append(one)
+    for learner in learners:
+        for name in {learner.name, mark_name(learner.name, learner.id, marks)}:
+            named.setdefault(" ".join(name.split()), []).append(learner)
     wanted = dict.fromkeys(name for line in form.get("names", "").splitlines() if (name := " ".join(line.split())))
     troubles = [explain_refusal(name, len(named.get(name, ()))) for name in wanted if len(named.get(name, ())) != 1]
     ticked = {name.removeprefix(TICKED) for name in form if name.startswith(TICKED)}

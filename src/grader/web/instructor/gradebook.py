@@ -157,14 +157,14 @@ def list_rows(session: Session, who: Identity, quizzes: Sequence[Quiz], start: i
     reviewer = who.id if unseen else ""
     questions, ids = sum(len(quiz.questions) for quiz in quizzes), [quiz.id for quiz in quizzes]
     ranking = Ranking(who.course, ids, questions, without, reviewer=reviewer, **wanted)
-    found = results.rank_learners(session, ranking, start, ROWS + 1)
-    learners = [learner for learner, _ in found]
+    ranked = results.rank_learners(session, ranking, start, ROWS + 1)
+    learners = [learner for learner, _ in ranked]
     if len(quizzes) == 1:
         theirs = results.find_of_learners(session, who.course, ids[0], learners)
-        return [make_row(learner, name, theirs[learner], quizzes[0], unseen) for learner, name in found]
+        return [make_row(learner, name, theirs[learner], quizzes[0], unseen) for learner, name in ranked]
     sums = results.sums_of_learners(session, ranking, learners)
     hidden = {(result.learner, result.quiz) for result in unseen}
-    return [sum_row(learner, name, sums[learner], quizzes, hidden) for learner, name in found]
+    return [sum_row(learner, name, sums[learner], quizzes, hidden) for learner, name in ranked]
 
 
 def sum_row(
@@ -173,9 +173,9 @@ def sum_row(
     """A learner with the sum of each quiz. Where a first mark is `hidden`, by learner and quiz, an answer waits."""
     cells = [
         QuizCell(
-            one.points, one.answered, one.waits or (learner, quiz.id) in hidden, sum_points(quiz), len(quiz.questions)
+            own.points, own.answered, own.waits or (learner, quiz.id) in hidden, sum_points(quiz), len(quiz.questions)
         )
-        if (one := theirs.get(quiz.id))
+        if (own := theirs.get(quiz.id))
         else EMPTY
         for quiz in quizzes
     ]

@@ -75,8 +75,8 @@ def group_answers(
     questions = {(quiz.id, question.id): question for quiz in library.quizzes.values() for question in quiz.questions}
     places = {at: place for place, at in enumerate(questions)}
 
-    def place(one: tuple[str, str, GivenAnswer | None]) -> tuple[int, str, str]:
-        return places.get(one[:2], len(places)), one[0], one[1]
+    def place(entry: tuple[str, str, GivenAnswer | None]) -> tuple[int, str, str]:
+        return places.get(entry[:2], len(places)), entry[0], entry[1]
 
     return [
         {

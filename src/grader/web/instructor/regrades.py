@@ -99,8 +99,8 @@ def apply(request: Request, regrade_id: str, services: AppServices, who: Instruc
 def render_list(request: Request, services: Services, who: Identity, status: int = 200, **more: Any) -> Response:
     """Renders the page with the form and the list."""
     with services.database.read() as session:
-        found = stored.page(session, who.course, None, SHOWN)
-        listed = [regrades.describe_regrade(regrade, stored.count_by_outcome(session, regrade)) for regrade in found]
+        rows = stored.page(session, who.course, None, SHOWN)
+        listed = [regrades.describe_regrade(regrade, stored.count_by_outcome(session, regrade)) for regrade in rows]
     library = services.library_for(who)
     quizzes = library.list_asking()
     shown: dict[str, Any] = {

@@ -39,13 +39,13 @@ router = page_router()
 def lesson_as(learner: str, lesson: str, request: Request, services: AppServices, who: Instructor) -> Response:
     """A lesson as a learner sees it. Raises Unauthorized, Forbidden, NotFound."""
     desk = services.desk_of(who.course)
-    found = find_lesson(services.library_for(Identity(learner, "", Role.STUDENT, who.course)), f"/lessons/{lesson}")
+    loaded = find_lesson(services.library_for(Identity(learner, "", Role.STUDENT, who.course)), f"/lessons/{lesson}")
     with services.database.write() as session:
         reader = get_learner(session, who, learner)
-        work = read_visible_work(session, desk, who, reader, found.quizzes)
+        work = read_visible_work(session, desk, who, reader, loaded.quizzes)
         record(session, who, who.course, Action.SEEN_AS, reader.id, lesson=lesson)
-    shown = build_lesson_page(desk.library, found, work)
-    for question in (one for quiz in shown["quizzes"] for one in quiz["questions"]):
+    shown = build_lesson_page(desk.library, loaded, work)
+    for question in (view for quiz in shown["quizzes"] for view in quiz["questions"]):
         question.view["path"] = f"{make_path(learner)}{question.view['path']}"
     return render(request, "lesson.html", who, reader, shown | {"address": request.url.path})
 

@@ -46,11 +46,11 @@ def show(request: Request, services: AppServices, who: Visitor) -> Response:
 
 def list_queue(session: Session) -> list[tuple[str, int, int, str]]:
     """Says what waits and runs, by topic in order of priority, and for how long the oldest job has waited."""
-    found = jobs.read_state(session)
+    queue = jobs.read_state(session)
     return [
-        (words, found[topic].waiting, found[topic].running, "" if age is None else write_span(age))
+        (words, queue[topic].waiting, queue[topic].running, "" if age is None else write_span(age))
         for topic, words in TOPICS.items()
-        for age in [found[topic].oldest_s]
+        for age in [queue[topic].oldest_s]
     ]
 
 

@@ -79,51 +79,51 @@ def statistics(
     if not quizzes:
         return page(request, "statistics.html", who=who, quizzes=[])
     chosen = choose_quiz(services, who, quizzes, quiz)
-    found = services.statistics.compute(services.statistics.version(library, chosen.id, who))
+    computed = services.statistics.compute(services.statistics.version(library, chosen.id, who))
     titles = {view["id"]: view["short"] for view in describe_quiz(library, chosen)["questions"]}
     by_id = {question.id: question for question in chosen.questions}
-    hardest_first = sorted(found.questions, key=lambda question: question.difficulty.value)
+    hardest_first = sorted(computed.questions, key=lambda question: question.difficulty.value)
     context: dict[str, Any] = {
         "quizzes": quizzes,
         "quiz": chosen,
-        "learners": found.learners,
+        "learners": computed.learners,
         "figures": [draw_both(sketch, HALF_WIDTH) for sketch in plot_estimates(hardest_first, titles)],
         "questions": [
             describe_question(question, by_id[question.question], titles[question.question], chosen.id)
             for question in hardest_first
         ],
         "silent": [
-            titles[question] for question in titles if question not in {each.question for each in found.questions}
+            titles[question] for question in titles if question not in {each.question for each in computed.questions}
         ],
     }
     return page(request, "statistics.html", who=who, **context)
 
 
-def describe_question(one: QuestionStatistics, question: Question, title: str, quiz: str) -> QuestionRow:
+def describe_question(measured: QuestionStatistics, question: Question, title: str, quiz: str) -> QuestionRow:
     """Returns one question for the template."""
-    of, path = one.difficulty.n, f"{CLASS}/{quiz}/{question.id}"
-    options = count_options(one, question, path)
+    of, path = measured.difficulty.n, f"{CLASS}/{quiz}/{question.id}"
+    options = count_options(measured, question, path)
     clusters = tuple(
         Bar(describe_value(each, question), each.learners, draw_bar(each.learners, of), f"{path}#axis")
-        for each in one.clusters
+        for each in measured.clusters
     )
     mistakes = [
         Bar(words, count, draw_bar(count, of), f"{path}#m-{name_family(words).key}")
-        for words, count in one.mistakes.items()
+        for words, count in measured.mistakes.items()
     ]
     shared = tuple(bar for bar in mistakes if bar.learners > 1)
     return QuestionRow(
         question.id,
         title,
-        f"{100 * one.difficulty.value:.0f}{NARROW}%",
-        draw_bar(one.difficulty.value, 1),
+        f"{100 * measured.difficulty.value:.0f}{NARROW}%",
+        draw_bar(measured.difficulty.value, 1),
         of,
         describe_commonest(shared, options, clusters),
         path,
         (
-            (OF_POINTS, describe_share(one.difficulty)),
-            (AT_ONCE, describe_share(one.right_at_once)),
-            (TELLS, describe_correlation(one.discrimination)),
+            (OF_POINTS, describe_share(measured.difficulty)),
+            (AT_ONCE, describe_share(measured.right_at_once)),
+            (TELLS, describe_correlation(measured.discrimination)),
         ),
         options,
         clusters,
@@ -145,14 +145,14 @@ def describe_commonest(mistakes: Sequence[Bar], options: Sequence[Bar], clusters
     return ""
 
 
-def count_options(one: QuestionStatistics, question: Question, path: str) -> tuple[Bar, ...]:
+def count_options(measured: QuestionStatistics, question: Question, path: str) -> tuple[Bar, ...]:
     """Says how many learners chose each option first; none without any answer. Of many options, wrong ones
     without an answer are left out."""
-    if not one.options:
+    if not measured.options:
         return ()
-    of = one.difficulty.n
+    of = measured.difficulty.n
     options = kind_of(question).options(question)
-    counted = [(place, option, one.options.get(place, 0)) for place, option in enumerate(options)]
+    counted = [(place, option, measured.options.get(place, 0)) for place, option in enumerate(options)]
     if len(options) > ALL_OPTIONS_MAX:
         counted = [(place, option, count) for place, option, count in counted if option.is_right or count]
     return tuple(

@@ -58,7 +58,7 @@ def describe_shares(shares: Sequence[Named]) -> str:
 def describe_discrimination(tells: Sequence[Named]) -> str:
     """Names a question that strong learners get wrong, else the one that separates least. An interval that contains 0
     and reaches beyond `WEAK` leaves both open."""
-    name, least = min(tells, key=lambda one: one[1].value)
+    name, least = min(tells, key=lambda pair: pair[1].value)
     if least.high < 0:
         return f"Strong learners do worse at “{name}” than weak ones: check its key"
     if least.low <= 0:

@@ -181,9 +181,9 @@ def list_stuck(library: Library, stuck: Sequence[StuckLearner], marks: Mapping[s
         yield Task(str(number), "learner is stuck" if number == 1 else "learners are stuck", lines, STUCK, "Show")
 
 
-def describe_place(titles: Mapping[tuple[str, str], str], one: StuckLearner | WaitingQuestion) -> str:
+def describe_place(titles: Mapping[tuple[str, str], str], item: StuckLearner | WaitingQuestion) -> str:
     """Names the quiz, and the question by its title."""
-    return f"{one.quiz}: {titles.get((one.quiz, one.question), one.question)}"
+    return f"{item.quiz}: {titles.get((item.quiz, item.question), item.question)}"
 
 
 def make_address(learner: StuckLearner) -> str:

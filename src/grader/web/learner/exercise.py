@@ -68,10 +68,10 @@ def choose_attempt(attempts: Sequence[GivenAnswer], chosen: str | None) -> Given
     """The chosen attempt, else the newest with a verdict. Raises NotFound if the learner has no such attempt."""
     if chosen is None:
         return next((attempt for attempt in attempts if attempt.verdict is not None), None)
-    found = next((attempt for attempt in attempts if attempt.id == chosen), None)
-    if found is None:
+    chosen_attempt = next((attempt for attempt in attempts if attempt.id == chosen), None)
+    if chosen_attempt is None:
         raise NotFound("You have no such attempt at this exercise.")
-    return found
+    return chosen_attempt
 
 
 def choose_source(here: AskedQuestion, typed: TypedAnswer | None) -> str:

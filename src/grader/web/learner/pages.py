@@ -245,15 +245,15 @@ def plot(quiz_id: str, question_id: str, attempt: str, name: str, *, services: A
     if given is None or given.verdict is None:
         raise NotFound(NO_ATTEMPT)
     titles = {finding["id"]: finding["title"] for finding in given.verdict.get("findings") or []}
-    found = next(
+    picture = next(
         (sketch for sketch in list_sketches(given.verdict.get("evidence") or {}, titles) if sketch.name == name), None
     )
-    if found is None:
+    if picture is None:
         raise NotFound("This verdict has no such plot.")
     headers = {"Content-Disposition": f'attachment; filename="{question_id}-{name}.svg"'}
     policy = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; sandbox"}
     return Response(
-        draw_file(found, read_plot_styles()), headers=HEADERS | headers | policy, media_type="image/svg+xml"
+        draw_file(picture, read_plot_styles()), headers=HEADERS | headers | policy, media_type="image/svg+xml"
     )
 
 

@@ -34,8 +34,8 @@ def word_key(asked: AnswerKey, certificate: Certificate) -> list[tuple[str, list
         "stage": describe_stages, "threshold": describe_threshold, "measurement": describe_measurement,
         "expression": describe_expression, "options": describe_options, "outcome": describe_outcome,
     }[certificate.method]  # fmt: skip
-    simulated, found = method(certificate.measured, find_unit(asked))
-    headed = [("Simulated", [simulated]), ("Came out", found), ("The key", [describe_key(asked, certificate)])]
+    simulated, words = method(certificate.measured, find_unit(asked))
+    headed = [("Simulated", [simulated]), ("Came out", words), ("The key", [describe_key(asked, certificate)])]
     if "shortest timestep [s]" in certificate.regime:
         headed.insert(1, ("Checked", [describe_regime(certificate.regime)]))
     return [(heading, [keep_unbroken(line) for line in lines]) for heading, lines in headed]
@@ -81,12 +81,12 @@ def describe_stages(measured: Mapping[str, Any], _: str) -> tuple[str, list[str]
     """Returns the call of mj_step that fills a field."""
     first = measured["filled by"]
     before, _, after = measured["calls"].get(first, "").partition(", then ")
-    found = (
+    outcome = (
         f"{first} changes it first: from {before} to {after}.".replace(" 1 contacts", " 1 contact")
         if first
         else "No call changes it."
     )
-    return f"The calls of mj_step one by one, with {measured['field']} read before and after each.", [found]
+    return f"The calls of mj_step one by one, with {measured['field']} read before and after each.", [outcome]
 
 
 def describe_threshold(measured: Mapping[str, Any], unit: str) -> tuple[str, list[str]]:
@@ -98,14 +98,14 @@ def describe_threshold(measured: Mapping[str, Any], unit: str) -> tuple[str, lis
 
 def describe_measurement(measured: Mapping[str, Any], unit: str) -> tuple[str, list[str]]:
     """Returns a measured value at finer timesteps, and from nudged starts."""
-    found = [
+    readings = [
         f"{format_amount(value, unit)} at {'the timestep' if h == 'h/1' else PLACES.get(h) or f'1/{h[2:]} of it'}"
         for h, value in measured.items()
         if h.startswith("h/")
     ]
     nudged = " and ".join(format_amount(value, unit) for value in measured["nudged"])
     simulated = "The run at its timestep, at finer ones, and from starts that are shifted by less than can be seen."
-    return simulated, [f"{', '.join(found)}.", f"From the shifted starts {nudged}."]
+    return simulated, [f"{', '.join(readings)}.", f"From the shifted starts {nudged}."]
 
 
 def describe_expression(measured: Mapping[str, Any], unit: str) -> tuple[str, list[str]]:
@@ -145,9 +145,9 @@ def describe_limit(limit_ms: float | None) -> str:
 def describe_outcome(measured: Mapping[str, Any], _: str) -> tuple[str, list[str]]:
     """Says which options' claims were true."""
     lines = []
-    for option, found in measured.items():
-        more = {name: value for name, value in found.items() if name != "true"} if isinstance(found, dict) else {}
-        lines.append(f"{plain_text(option)}: {describe_truth(found['true'] if more else found, more)}.")
+    for option, outcome in measured.items():
+        more = {name: value for name, value in outcome.items() if name != "true"} if isinstance(outcome, dict) else {}
+        lines.append(f"{plain_text(option)}: {describe_truth(outcome['true'] if more else outcome, more)}.")
     return "The lab once, then at finer timesteps and from shifted starts.", lines
 
 

@@ -67,23 +67,23 @@ class _Reader:
         """HTML with MathML, not yet sanitised. Numbers in the text, formulas too, keep their units on the same line."""
         position = verbatim_until = number_until = 0
         while token := TOKEN.search(self.text, position):
-            start, found = token.start(), token[0]
+            start, piece = token.start(), token[0]
             text = self.text[position:start]
             yield text if position < verbatim_until else join_units(text, is_after_number=0 < position == number_until)
             position = token.end()
             if name := token["name"]:
-                yield self._tag(found, name)
-                if start >= verbatim_until and name.lower() in VERBATIM and found[1] != "/":
+                yield self._tag(piece, name)
+                if start >= verbatim_until and name.lower() in VERBATIM and piece[1] != "/":
                     verbatim_until = self._end_of(VERBATIM[name.lower()], position) or position
-            elif found == "<!--":
+            elif piece == "<!--":
                 end = self._end_of(COMMENT_END, position)
                 yield "" if end else "&lt;!--"
                 position = end or position
-            elif found == "<":
+            elif piece == "<":
                 yield "&lt;"
             elif start < verbatim_until:
-                yield found
-            elif found == "$" and (formula := DISPLAY.match(self.text, start) or INLINE.match(self.text, start)):
+                yield piece
+            elif piece == "$" and (formula := DISPLAY.match(self.text, start) or INLINE.match(self.text, start)):
                 yield self._mathml(formula)
                 position = formula.end()
                 number_until = position if formula[1].rstrip("}")[-1:].isdigit() else 0

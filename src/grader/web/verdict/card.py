@@ -154,8 +154,8 @@ def build_card(given: GivenAnswer) -> Card | None:
 def list_tables(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Iterator[Table]:
     """Yields the tables of the evidence that have rows, each headed by the title of its case."""
     for table in read.read_list(evidence, "tables", Table):
-        found = (title for id_, title in titles.items() if id_ == table.case or id_.startswith(f"{table.case}."))
-        name = next(found, table.case).partition(": ")[0]
+        matching = (title for id_, title in titles.items() if id_ == table.case or id_.startswith(f"{table.case}."))
+        name = next(matching, table.case).partition(": ")[0]
         if table.rows:
             yield table.model_copy(update={"title": f"{table.title}: {name}" if table.title else name})
 
@@ -249,25 +249,25 @@ def build_cell(finding: Mapping[str, Any]) -> Cell:
 def merge_cells(cells: Sequence[Cell]) -> list[Cell]:
     """The cells with those of failed hidden cases in a row that say the same of the same part made one: `Hidden cases 1
     to 6`, `Hidden cases 1 and 2: settling time`. It stands where the first of them stood."""
-    found: list[Cell] = []
+    merged: list[Cell] = []
     runs: dict[tuple[str, Badge, str], tuple[int, int, int]] = {}
-    """Of each part, badge and message: the place in `found`, the first case and the last one."""
+    """Of each part, badge and message: the place in `merged`, the first case and the last one."""
     for cell in cells:
         match = None if cell.passed else HIDDEN.match(cell.title)
         if match is None:
-            found.append(cell)
+            merged.append(cell)
             continue
         case, part = int(match[1]), match[2] or ""
-        at, first, last = runs.get((part, cell.badge, cell.message), (len(found), case, case))
+        at, first, last = runs.get((part, cell.badge, cell.message), (len(merged), case, case))
         if last == case - 1:
-            earlier = found[at]
+            earlier = merged[at]
             title = f"{describe_range(first, case)}{part}"
-            found[at] = replace(earlier, title=title, got=earlier.got + cell.got, of=earlier.of + cell.of)
+            merged[at] = replace(earlier, title=title, got=earlier.got + cell.got, of=earlier.of + cell.of)
         else:
-            at, first = len(found), case
-            found.append(cell)
+            at, first = len(merged), case
+            merged.append(cell)
         runs[part, cell.badge, cell.message] = (at, first, case)
-    return found
+    return merged
 
 
 def describe_value(value: Any) -> str:
@@ -281,7 +281,7 @@ def describe_value(value: Any) -> str:
     if isinstance(value, list):
         return " to ".join(map(describe_value, value))
     if isinstance(value, dict):
-        return ", ".join(f"{name.replace('_', ' ')} {describe_value(one)}" for name, one in value.items())
+        return ", ".join(f"{name.replace('_', ' ')} {describe_value(element)}" for name, element in value.items())
     return str(value)
 
 

@@ -30,8 +30,8 @@ def make_frame(
 
 def plot_order(order: Order) -> Sketch | None:
     """Error against timestep with the measured slope, beside what a step of the expected order would give."""
-    found = [(h, e) for h, e in zip(order.timestep_ms, order.error, strict=False) if e is not None and e > 0 and h > 0]
-    if len(found) < 2:
+    points = [(h, e) for h, e in zip(order.timestep_ms, order.error, strict=False) if e is not None and e > 0 and h > 0]
+    if len(points) < 2:
         return None
     measured = "no order" if order.slope is None else f"order {order.slope:.2f}"
     is_right = order.slope is not None and abs(order.slope - order.expected_slope) < OFF_BY
@@ -42,21 +42,21 @@ def plot_order(order: Order) -> Sketch | None:
     else:
         title = f"Halve the timestep and your error falls by a factor of {factor}; it should be {expected}"
     caption = "The largest error against the exact motion, over the timestep; both axes are logarithmic."
-    rows = tuple((write_quantity(h, "ms"), write_number(e, 3)) for h, e in found)
+    rows = tuple((write_quantity(h, "ms"), write_number(e, 3)) for h, e in points)
     table = (("Timestep", "Your error"), *rows)
-    return Sketch("order", title, caption, table, lambda width: draw_order(order, found, measured, width))
+    return Sketch("order", title, caption, table, lambda width: draw_order(order, points, measured, width))
 
 
-def draw_order(order: Order, found: Sequence[Point], measured: str, width: float) -> Drawing:
+def draw_order(order: Order, pairs: Sequence[Point], measured: str, width: float) -> Drawing:
     """Returns the measured points, and a line of the expected slope through the last of them."""
-    (h0, e0) = min(found)
-    ideal = [(h, e0 * (h / h0) ** order.expected_slope) for h, _ in found]
-    errors = [e for _, e in (*found, *ideal)]
-    xs = (h0 / 1.25, max(found)[0] * 1.25)
+    (h0, e0) = min(pairs)
+    ideal = [(h, e0 * (h / h0) ** order.expected_slope) for h, _ in pairs]
+    errors = [e for _, e in (*pairs, *ideal)]
+    xs = (h0 / 1.25, max(pairs)[0] * 1.25)
     picture, across, up = make_frame(width, xs, (min(errors) / 4, max(errors) * 8), (True, True))
     picture.y_axis(up, LEFT, width - RIGHT, 4)
     picture.line("axis", LEFT, HEIGHT - FOOT, width - RIGHT, HEIGHT - FOOT)
-    for h, _ in found:
+    for h, _ in pairs:
         picture.text(write_quantity(h, "ms"), across.at(h), HEIGHT - FOOT + 18, anchor="middle")
     picture.text("timestep", (LEFT + width) / 2, HEIGHT - 6, anchor="middle")
     inner = Drawing(width, HEIGHT)
@@ -65,13 +65,13 @@ def draw_order(order: Order, found: Sequence[Point], measured: str, width: float
         return [(across.at(h), up.at(e)) for h, e in points]
 
     inner.path("reference", drawn(ideal))
-    inner.path("line", drawn(found))
+    inner.path("line", drawn(pairs))
     picture.clipped(LEFT, TOP, width - RIGHT - LEFT, HEIGHT - FOOT - TOP, inner)
-    for h, e in found:
+    for h, e in pairs:
         picture.dot("", across.at(h), up.at(e))
     is_off = abs((order.slope or 0.0) - order.expected_slope) >= OFF_BY
-    is_above = max(ideal)[1] > max(found)[1]
-    draw_end(picture, drawn(found), f"yours: {measured}", is_below=is_off and is_above)
+    is_above = max(ideal)[1] > max(pairs)[1]
+    draw_end(picture, drawn(pairs), f"yours: {measured}", is_below=is_off and is_above)
     if is_off:
         draw_end(picture, drawn(ideal), f"order {write_number(order.expected_slope)} would be", is_below=not is_above)
     return picture
@@ -94,29 +94,29 @@ def interpolate_height(start: Point, end: Point, x: float) -> float:
 def plot_difference(difference: Difference, name: str) -> Sketch | None:
     """Returns the distance from MuJoCo's RK4 over time, with the tolerance as a band; None if it is zero everywhere."""
     lines = {"velocities": difference.qvel, "positions": difference.qpos}
-    found = {
+    series = {
         label: [(t, v) for t, v in zip(difference.time_s, values, strict=False) if v is not None and v > 0]
         for label, values in lines.items()
     }
-    found = {label: points for label, points in found.items() if points}
-    if not found:
+    series = {label: points for label, points in series.items() if points}
+    if not series:
         return None
-    most = max(v for points in found.values() for _, v in points)
+    most = max(v for points in series.values() for _, v in points)
     within = most <= difference.tolerance
     title = "Round-off is all that parts you from MuJoCo's RK4" if within else "How far you are from MuJoCo's RK4"
     caption = f"{capitalize(keep_unbroken(name))}: the largest difference against time, on a logarithmic scale."
     rows = tuple(
         (label, write_number(max(v for _, v in points), 3), write_number(difference.tolerance))
-        for label, points in found.items()
+        for label, points in series.items()
     )
     head = ("Of the", "Largest difference", "Counts as right up to")
     name = f"difference-{difference.case}"
-    return Sketch(name, title, caption, (head, *rows), lambda width: draw_difference(difference, found, width))
+    return Sketch(name, title, caption, (head, *rows), lambda width: draw_difference(difference, series, width))
 
 
-def draw_difference(difference: Difference, found: dict[str, list[Point]], width: float) -> Drawing:
+def draw_difference(difference: Difference, series: dict[str, list[Point]], width: float) -> Drawing:
     """Both lines, and the band in which they count as right."""
-    values = [v for points in found.values() for _, v in points] + [difference.tolerance]
+    values = [v for points in series.values() for _, v in points] + [difference.tolerance]
     low, high = min(min(values) / 5, difference.tolerance / 50), max(values) * 20
     picture, across, up = make_frame(width, (0, max(difference.time_s)), (low, high), (False, True))
     passes = up.at(difference.tolerance)
@@ -125,7 +125,7 @@ def draw_difference(difference: Difference, found: dict[str, list[Point]], width
     picture.x_axis(across, HEIGHT - FOOT, "s", 5)
     picture.text(f"counts as right: up to {write_number(difference.tolerance)}", LEFT + 6, passes + 16, "halo")
     for label, style, is_below in (("velocities", "solid", False), ("positions", "dashed", True)):
-        points = found.get(label, [])
+        points = series.get(label, [])
         picture.path(f"line {style}", [(across.at(t), up.at(v)) for t, v in points])
         if points:
             caption = f"{label}: up to {write_number(max(v for _, v in points), 2)}"

@@ -98,8 +98,8 @@ def read_raised_line(diagnosis: str) -> int:
 def find_advice(diagnosis: str) -> str:
     """Returns the end of a diagnosis that says what to do there; all of it where it has one clause."""
     diagnosis = FURTHER.sub("", PLACE.sub("", diagnosis.strip()))
-    if (one := FIRST.search(diagnosis)) is not None:
-        return one[1]
+    if (match := FIRST.search(diagnosis)) is not None:
+        return match[1]
     first, *others = SENTENCE_END.split(diagnosis, maxsplit=1)
     if others and not others[0].startswith(CONDITION):
         return others[0]

@@ -78,7 +78,7 @@ def draw(panels: Sequence[tuple[str, Sequence[Outline]]], width: float) -> Drawi
 def draw_outlines(geoms: Sequence[Geom]) -> Iterator[Outline]:
     """Yields the outline of each geom in the camera's plane [m], those that are further away first."""
     shown = [geom for geom in geoms if geom.type != "plane" and max(map(abs, (*geom.at, *geom.size))) <= SIZE_MAX]
-    for geom in sorted(shown, key=lambda one: -float(FORWARD @ np.array(one.at))):
+    for geom in sorted(shown, key=lambda shape: -float(FORWARD @ np.array(shape.at))):
         points = list_points(geom)
         yield find_hull([(float(x), float(y)) for x, y in zip(points @ RIGHT, points @ UP, strict=True)])
 

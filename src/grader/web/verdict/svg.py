@@ -68,9 +68,9 @@ def list_decades(low: float, high: float, about: int) -> list[float]:
     """Powers of ten between `low` and `high`; where these are fewer than three, also 2 and 5 times such."""
     first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
     stride = max(1, math.ceil((last - first) / max(about, 1)))
-    found = [10.0**power for power in range(first, last + 1, stride)]
-    if len(found) > 2:
-        return found
+    decades = [10.0**power for power in range(first, last + 1, stride)]
+    if len(decades) > 2:
+        return decades
     steps = [factor * 10.0**power for power in range(first - 1, last + 1) for factor in (1, 2, 5)]
     steps = [float(f"{step:.10g}") for step in steps if low <= step <= high]
     return steps if 3 <= len(steps) <= about + 2 else list_round_steps(low, high, about)

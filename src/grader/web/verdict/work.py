@@ -170,12 +170,12 @@ def read_work(session: Session, library: Library, who: Identity, quizzes: Sequen
     newest = {
         (row.quiz, row.question): given for row, given in zip(rows, read_answers(session, access, rows), strict=True)
     }
-    found = results.find_everywhere(session, who.course, who.id)
+    own_results = results.find_everywhere(session, who.course, who.id)
     places = {}
     for quiz in quizzes:
         for question in quiz.questions:
             at = (quiz.id, question.id)
-            places[at] = describe_place(access, quiz, question, newest.get(at), found.get(at))
+            places[at] = describe_place(access, quiz, question, newest.get(at), own_results.get(at))
     for comment in line_comments.list_of_learner(session, who.course, who.id):
         at = (comment.quiz, comment.question)
         given = newest.get(at)
@@ -237,9 +237,9 @@ def read_answers(session: Session, access: LearnerAccess, rows: Sequence[Submiss
 
 def read_comments(session: Session, ids: Sequence[str]) -> dict[str, list[Comment]]:
     """Returns what instructors wrote to the lines of scripts, by submission."""
-    found = line_comments.on_submissions(session, ids) if ids else {}
+    by_submission = line_comments.on_submissions(session, ids) if ids else {}
     return {at: [Comment(comment.id, comment.line, comment.text, comment.name, comment.created_at) for comment in some]
-            for at, some in found.items()}  # fmt: skip
+            for at, some in by_submission.items()}  # fmt: skip
 
 
 def read_answer(

@@ -91,8 +91,8 @@ class Claims(Kind[ClaimsParameters, Problem, Outcome]):
         """Returns scripts that claim what is right in the first case, and 0."""
         (problem, *_) = [trial.problem for trial in trials]
         right = {
-            claim.name: list_accepted_values(claim.form, one.values)
-            for claim, one in zip(problem.claims, measure_claims(problem), strict=True)
+            claim.name: list_accepted_values(claim.form, measured.values)
+            for claim, measured in zip(problem.claims, measure_claims(problem), strict=True)
         }
         zeros = {name: [0.0] * len(values) for name, values in right.items()}
         return {

@@ -150,10 +150,10 @@ class Problem:
         """Returns the runs of a claim: one for each x of a curve whose axis has `apply`, else one."""
         setup = ";\n".join(filter(None, (*write_start(self.start), claim.setup)))
         seconds = claim.seconds or self.seconds
-        one = (self.xml, self.start["key"], setup, claim.controller, seconds)
+        base = (self.xml, self.start["key"], setup, claim.controller, seconds)
         if claim.form == "curve" and self.axis is not None and self.axis.apply is not None:
-            return tuple(Experiment(*one, self.axis.apply, value) for value in self.x)
-        return (Experiment(*one),)
+            return tuple(Experiment(*base, self.axis.apply, value) for value in self.x)
+        return (Experiment(*base),)
 
     def count_values(self, claim: Claim) -> int:
         """Returns how many numbers a claim has: two of an interval."""

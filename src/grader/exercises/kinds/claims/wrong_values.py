@@ -154,26 +154,26 @@ class Scene:
 
     def read_chain(self, experiments: Sequence[Experiment], more_s: float) -> Iterator[Floats]:
         """Yields the numbers of a curve each of whose runs begins where the one before has ended."""
-        found, setup = [], experiments[0].setup
+        values, setup = [], experiments[0].setup
         try:
             for experiment in experiments:
                 one = replace(experiment, setup=setup)
-                found.append(self.read_one(self.claim, one, SAME, 0.0))
+                values.append(self.read_one(self.claim, one, SAME, 0.0))
                 setup = self.write_end(one, more_s)
         except (RegimeFailure, VerifyError, LabRefused, ValueError):
             return
-        yield np.array(found)
+        yield np.array(values)
 
 
 def list_other_exprs(expr: str, model: mujoco.MjModel) -> list[Other]:
     """Returns the expressions that read another joint, sensor or axis in place of the one that `expr` reads first."""
-    found = [
+    quantities = [
         *_replace_elements(expr, model),
         *_replace_names(expr, model),
         *_replace_axes(expr),
         *_replace_energy(expr),
     ]
-    return [quantity for quantity in found if quantity.expr != expr][:EXPRS_MAX]
+    return [quantity for quantity in quantities if quantity.expr != expr][:EXPRS_MAX]
 
 
 def _replace_elements(expr: str, model: mujoco.MjModel) -> Iterator[Other]:

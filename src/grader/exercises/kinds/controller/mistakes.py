@@ -130,44 +130,44 @@ def ignores_target(parameters: ControllerParameters, judged: Sequence[Judged]) -
     if not parameters.has_target:
         return False
     track = find_columns(parameters, judged[0].trial.problem)[parameters.track]
-    found: dict[float, float] = {}
+    by_target: dict[float, float] = {}
     for record in (record for trial in judged for record in trial.judgement.outcome.records):
         law = None if record.fault else fit_law(record, track=track, has_target=True)
         if law is not None and np.ptp(record.target) == 0 and not law.integral and not law.differentiates:
-            found[float(record.target[0])] = law.constant
-    constants = np.array([*found.values()])
-    return len(found) > 1 and bool(np.ptp(constants) <= SAME * np.abs(constants).max())
+            by_target[float(record.target[0])] = law.constant
+    constants = np.array([*by_target.values()])
+    return len(by_target) > 1 and bool(np.ptp(constants) <= SAME * np.abs(constants).max())
 
 
-def is_first_alone(one: Judged) -> bool:
+def is_first_alone(judged: Judged) -> bool:
     """Whether the first of several episodes succeeded, and no other."""
-    failed = one.judgement.outcome.failed
+    failed = judged.judgement.outcome.failed
     return len(failed) > 2 and not failed[0] and all(failed[1:])
 
 
-def find_sentences(parameters: ControllerParameters, one: Judged, record: Record) -> Iterator[str]:
+def find_sentences(parameters: ControllerParameters, judged: Judged, record: Record) -> Iterator[str]:
     """Yields the sentences that hold of an episode, the most telling first."""
     if np.ptp(record.asked, axis=0).max() == 0 and len(record.time_s) > 1:
         yield NOTHING
         return
-    track = find_columns(parameters, one.problem)[parameters.track]
+    track = find_columns(parameters, judged.problem)[parameters.track]
     law = fit_law(record, track=track, has_target=parameters.has_target)
-    limited = measure_saturation(one.problem, record)
+    limited = measure_saturation(judged.problem, record)
     if law is not None:
         if law.stale:
             yield STALE
         if law.differentiates and any(record.episode.noise.values()):
             yield NOISE
-        yield from find_wrong_gains(parameters, one.problem, law)
+        yield from find_wrong_gains(parameters, judged.problem, law)
         if law.integral * law.gains[track] > 0:
             yield SUM_SIGN
-        if law.integral and find_beyond(one.problem, record) > 0.05:
+        if law.integral and find_beyond(judged.problem, record) > 0.05:
             yield WIND_UP
     else:
         rough = fit_law(record, track=track, has_target=parameters.has_target, fits=ROUGH)
         if rough is not None and not rough.differentiates:  # a gain on changes makes up for one on values
             wrong_signs = [SIGN.format(name=name) for name in parameters.law]
-            yield from (said for said in find_wrong_gains(parameters, one.problem, rough) if said in wrong_signs)
+            yield from (said for said in find_wrong_gains(parameters, judged.problem, rough) if said in wrong_signs)
     if limited > SATURATED:
         yield SATURATES
     if law is not None and not law.integral and rests_beside_target(record):

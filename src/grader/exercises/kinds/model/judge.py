@@ -83,9 +83,9 @@ def require_values(problem: Problem) -> None:
     begin = measuring.describe(problem.reference, {**problem.measured, "seconds": 0}, halved=False)
     for index, goal in enumerate(begin.get("goals", ())):
         for part in ("same", "within"):
-            for expression, one in goal[part].items():
-                if "values" not in one:
-                    why = f"has no {one['missing']!r}" if "missing" in one else f"raises {one['raised']}"
+            for expression, claimed in goal[part].items():
+                if "values" not in claimed:
+                    why = f"has no {claimed['missing']!r}" if "missing" in claimed else f"raises {claimed['raised']}"
                     raise WrongInCase(f"goals.{index}.{part}", f"the reference {why} in {expression}: correct either")
 
 
@@ -131,11 +131,13 @@ def compare_goal(
         yield expression, explain_missing(expression, one, names) or comparison
 
 
-def explain_missing(expression: str, one: Mapping[str, Any], names: Mapping[str, Sequence[str]]) -> Comparison | None:
+def explain_missing(
+    expression: str, measured: Mapping[str, Any], names: Mapping[str, Sequence[str]]
+) -> Comparison | None:
     """Returns the fault of an expression that asks for an element which the model lacks; None where it does not."""
-    if "missing" not in one:
+    if "missing" not in measured:
         return None
-    name = str(one["missing"])
+    name = str(measured["missing"])
     kind = next((kind for kind, asked in list_asked_names(expression) if asked == name), "")
     kind = kind or next(iter(kind for kind in ("joint", "actuator") if name not in names[kind]), "element")
     there = names.get(kind, ())
@@ -178,13 +180,13 @@ def describe_difference(expression: str, mine: NDArray[np.float64], its: NDArray
     return f"{expression} is not what it should be."
 
 
-def compare_range(goal: Goal, expression: str, one: Mapping[str, Any], allowed: Sequence[float]) -> Comparison:
+def compare_range(goal: Goal, expression: str, measured: Mapping[str, Any], allowed: Sequence[float]) -> Comparison:
     """Returns whether the values of an expression are within a range."""
     low, high = allowed
-    if "values" not in one:
-        return Comparison(f"{expression} cannot be had: {one.get('raised', 'it is missing')}.", None, [low, high])
-    values = read_values(one)
-    if "lost" in one or values is None or not values.size:
+    if "values" not in measured:
+        return Comparison(f"{expression} cannot be had: {measured.get('raised', 'it is missing')}.", None, [low, high])
+    values = read_values(measured)
+    if "lost" in measured or values is None or not values.size:
         return Comparison("The simulation blows up, and MuJoCo gives it up.", None, [low, high])
     looked = values if goal.when == "always" else values[-1:]
     if bool(np.all((looked >= low) & (looked <= high))):
@@ -195,11 +197,11 @@ def compare_range(goal: Goal, expression: str, one: Mapping[str, Any], allowed: 
     return Comparison(f"{expression} is {way} {when}".rstrip() + ".", float(f"{worst:.{FIGURES}g}"), [low, high])
 
 
-def read_values(one: Mapping[str, Any]) -> NDArray[np.float64] | None:
+def read_values(measured: Mapping[str, Any]) -> NDArray[np.float64] | None:
     """Returns the values at the moments of a run (n, numbers), NaN for what is not finite; None where they are no such
     table."""
     try:
-        values = np.array(one["values"], dtype=np.float64)
+        values = np.array(measured["values"], dtype=np.float64)
     except (KeyError, TypeError, ValueError):
         return None
     return values.reshape(len(values), -1)

@@ -16,8 +16,8 @@ ALIKE = 0.004
 def run(student: object, inputs: Mapping[str, Any], submit: Callable[[str, Any], None]) -> None:
     """Called by the jail. Submits the index of the first variant that is like the student's model in every trial; -1
     if none is."""
-    found = (at for at, texts in enumerate(inputs["variants"]) if is_like(texts, inputs["trials"]))
-    submit("match", np.array(next(found, -1)))
+    matches = (at for at, texts in enumerate(inputs["variants"]) if is_like(texts, inputs["trials"]))
+    submit("match", np.array(next(matches, -1)))
 
 
 def is_like(texts: list[str], trials: list[Mapping[str, Any]]) -> bool:
@@ -34,7 +34,7 @@ def is_like(texts: list[str], trials: list[Mapping[str, Any]]) -> bool:
 
 def agree(mine: Any, its: Any) -> bool:
     """Whether the values of all expressions agree."""
-    return all(one.keys() == its[name].keys() and is_near(one, its[name]) for name, one in mine.items())
+    return all(entry.keys() == its[name].keys() and is_near(entry, its[name]) for name, entry in mine.items())
 
 
 def is_near(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:

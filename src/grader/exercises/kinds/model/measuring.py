@@ -59,11 +59,11 @@ def describe(text: str, inputs: Mapping[str, Any], *, halved: bool = True) -> di
         if part == "half" and not halved:
             break
         moments = [*simulate(model, inputs, timestep_s)]
-        for goal, found in zip(inputs["goals"], goals, strict=True):
+        for goal, measured in zip(inputs["goals"], goals, strict=True):
             for expression in goal["same"]:
-                found[part][expression] = collect(moments, expression)
+                measured[part][expression] = collect(moments, expression)
             for expression in goal["within"] if part == "same" else ():
-                found["within"][expression] = collect(moments, expression)
+                measured["within"][expression] = collect(moments, expression)
         geoms = geoms or moments[0].get(GEOMS, [])
     return {"goals": goals, "names": names, "geoms": geoms}
 

@@ -133,10 +133,10 @@ def check_names(model: mujoco.MjModel, case: ModelCase) -> None:
     for part, kind in (("start", "joint"), ("start_velocity", "joint"), ("ctrl", "actuator")):
         for name in getattr(case, part):
             try:
-                found = getattr(model, kind)(name)
+                item = getattr(model, kind)(name)
             except KeyError as error:
                 raise ValueError(f"`{part}` names the {kind} {name!r}, which the reference lacks") from error
-            if kind == "joint" and int(found.type[0]) not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+            if kind == "joint" and int(item.type[0]) not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
                 raise ValueError(f"`{part}` names the joint {name!r}, which has more than one degree of freedom")
 
 

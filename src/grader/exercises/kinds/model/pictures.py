@@ -14,10 +14,10 @@ def build_scenes(visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, 
     """Returns `models`, the geoms of the student's model, and `references`, those of the author's, of the first cases
     with another start. Failed cases come first."""
     chosen: list[JudgedTrial[Problem, Outcome]] = []
-    for one in sorted(visible, key=lambda each: each.judgement.passed):
-        outcome = one.judgement.outcome
+    for judged in sorted(visible, key=lambda each: each.judgement.passed):
+        outcome = judged.judgement.outcome
         if outcome.geoms and all(outcome.geoms != other.judgement.outcome.geoms for other in chosen):
-            chosen.append(one)
+            chosen.append(judged)
     chosen = chosen[:SCENES_MAX]
     return {
         "models": [{"case": trial.id, "geoms": [*trial.judgement.outcome.geoms]} for trial in chosen],

@@ -12,9 +12,9 @@ def place_goals(parameters: ModelParameters, verdict: Mapping[str, Any]) -> Iter
     """Yields one axis, of all cases: whether a goal is met is known of hidden cases too."""
     ids = {f"{case.id}.{index + 1}" for case in parameters.cases for index in range(len(case.goals))}
     cases = {case.id for case in parameters.cases}
-    judged = {id_: one for id_, one in list_findings(verdict) if id_ in ids | cases}
+    judged = {id_: finding for id_, finding in list_findings(verdict) if id_ in ids | cases}
     if judged:
-        met = sum(one.get("passed") is True for id_, one in judged.items() if id_ in ids)
+        met = sum(finding.get("passed") is True for id_, finding in judged.items() if id_ in ids)
         axis = ClassAxis(
             "goals", "Goals met", "goals", (len(ids), inf), line=f"all {len(ids)}",
             is_whole=True

@@ -77,8 +77,8 @@ class Reference:
         done = [change(edited[place]) for place in places]
         if any(done):
             remove_hidden(root)
-            one = elements[0] if len(elements) == 1 else None
-            named = ("", "") if one is None else (one.tag, one.get("name", ""))
+            only = elements[0] if len(elements) == 1 else None
+            named = ("", "") if only is None else (only.tag, only.get("name", ""))
             yield Variant(ET.tostring(root, encoding="unicode"), sentence, *named)
 
     def move_up(self, body: Element, by: Sequence[float]) -> str:
@@ -125,10 +125,10 @@ def vary_angles(reference: Reference) -> Iterator[Variant]:
     for factor in (pi / 180, 180 / pi):
         said = of_all[factor < 1] + "."
         yield from reference.edit(scale_angles(factor), reference.elements, said)
-        for one in reference.elements:
+        for element in reference.elements:
             for name in ("range", "ref", "springref", "euler", "axisangle"):
-                which = f"The {name} of {reference.label(one)} {as_radians if factor < 1 else as_degrees}."
-                yield from reference.edit(scale_angles(factor, name), [one], which)
+                which = f"The {name} of {reference.label(element)} {as_radians if factor < 1 else as_degrees}."
+                yield from reference.edit(scale_angles(factor, name), [element], which)
     other = "radian" if in_degrees else "degree"
     yield from reference.edit(put_into("compiler", "angle", other), [reference.root], of_all[not in_degrees] + ".")
     for tag in ("position", "intvelocity"):
@@ -211,21 +211,21 @@ def vary_masses(reference: Reference) -> Iterator[Variant]:
     yield from reference.edit_each(
         multiply("density", 1e-3), reference.find("geom"), "The density of {} is in g/cm^3: MuJoCo's is in kg/m^3."
     )
-    for one in reference.find("inertial"):
-        if "diaginertia" in one.attrib:
+    for inertial in reference.find("inertial"):
+        if "diaginertia" in inertial.attrib:
             about = "The inertia of {} is about the origin of the body: MuJoCo's is about the centre of mass."
-            yield from reference.edit_each(shift_inertia, [one], about)
+            yield from reference.edit_each(shift_inertia, [inertial], about)
             order = "The three moments of inertia of {} are in another order: they are about x, y and z."
             for by in (1, 2):
-                yield from reference.edit_each(rotate("diaginertia", by), [one], order)
-        body = reference.parents[one]
+                yield from reference.edit_each(rotate("diaginertia", by), [inertial], order)
+        body = reference.parents[inertial]
         geom = next((each for each in body if each.tag == "geom"), None)
         if geom is not None:
             said = f"The mass of {reference.label(body)} is given to its geom, whose inertia is that of its shape."
-            change = do_either("inertial", hide, put("mass", one.get("mass", "0")))
-            yield from reference.edit(change, [one, geom], said)
+            change = do_either("inertial", hide, put("mass", inertial.get("mass", "0")))
+            yield from reference.edit(change, [inertial, geom], said)
         said = "The inertial is missing, so that mass and inertia come from the geoms."
-        yield from reference.edit(hide, [one], said)
+        yield from reference.edit(hide, [inertial], said)
 
 
 def vary_sizes(reference: Reference) -> Iterator[Variant]:
@@ -293,9 +293,9 @@ def vary_missing(reference: Reference) -> Iterator[Variant]:
         yield from reference.edit_both(
             drop(name), some, f"The {name} is missing everywhere{advice}.", f"The {name} of {{}} is missing{advice}."
         )
-    for one in reference.find("joint", "freejoint", "exclude", "connect", "weld", "fixed"):
-        said = f"{reference.label(one)} is missing."
-        yield from reference.edit(hide, [one], said[0].upper() + said[1:])
+    for element in reference.find("joint", "freejoint", "exclude", "connect", "weld", "fixed"):
+        said = f"{reference.label(element)} is missing."
+        yield from reference.edit(hide, [element], said[0].upper() + said[1:])
 
 
 def vary_tree(reference: Reference) -> Iterator[Variant]:

@@ -59,13 +59,13 @@ class Network:
         x = observed
         if self.normalisation is not None:
             x = (x - self.normalisation[0]) / self.normalisation[1]
-        found = []
+        activations = []
         for weights, bias in self.layers[:-1]:
             x = ACTIVATIONS[self.activation](x @ weights + bias)
-            found.append(x)
+            activations.append(x)
         weights, bias = self.layers[-1]
         x = x @ weights + bias
-        return [*found, np.tanh(x) if self.output == "tanh" else x]
+        return [*activations, np.tanh(x) if self.output == "tanh" else x]
 
 
 def read_network(form: PolicyForm, shapes: Shapes, model: mujoco.MjModel, results: Results) -> Network | None:

@@ -187,8 +187,8 @@ def add_rest(sentence: str, failed: Sequence[AnyJudged]) -> str:
     """Returns the sentence on positions and velocities, with that on activations or a time which are wrong in another
     way."""
     time_matters = any(trial.judgement.outcome.problem.time_matters for trial in failed)
-    for one in failed:
-        reading = read_judged_run(one)
+    for judged in failed:
+        reading = read_judged_run(judged)
         velocities = None if reading is None else to_matrix(reading.velocities, "a")
         if reading is None or velocities is None:
             continue

@@ -46,7 +46,7 @@ def keep_motion(visible: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> dict[str
     ]
     if not wrong:
         return {}
-    outcome = max(wrong, key=lambda one: one.difference.worst)
+    outcome = max(wrong, key=lambda candidate: candidate.difference.worst)
     rows = choose_rows(len(outcome.student))
     positions = outcome.student.qpos[rows]
     is_finite = np.isfinite(positions).all(axis=1)

@@ -192,8 +192,8 @@ def make_derivative(half: float, *, world: bool = False, xyzw: bool = False) -> 
         for weight, quat, rate in zip(rows[row - 1], quats[1:], samples.rates[1:], strict=False):
             omega = np.array([0.0, *rate])
             change += weight * half * (multiply(omega, quat) if world else multiply(quat, omega))
-        found: Rows = quats[0] + samples.h * change
-        return unshuffle(found) if xyzw else found
+        moved: Rows = quats[0] + samples.h * change
+        return unshuffle(moved) if xyzw else moved
 
     return rule
 
@@ -303,8 +303,8 @@ def make_wrong_sign(row: int, column: int, *, whole: bool) -> Rule:
             for quat, rate in zip(samples.quats[1:-1], samples.rates[1:-1], strict=True)
         ]
         change = pad_row(rows[stage - 1], len(slopes)) @ np.array(slopes)
-        found: Rows = samples.quats[0] + samples.h / 2 * change
-        return found
+        moved: Rows = samples.quats[0] + samples.h / 2 * change
+        return moved
 
     return rule
 

@@ -246,7 +246,7 @@ def read_row(system: System, slope: str, row: int, calls: int, guesses: Sequence
         if system.explains(guess):
             return guess
     for alike in propose_terms(slope, row, calls):
-        solutions = [one for terms in alike if (one := system.solve(terms)) is not None]
+        solutions = [solution for terms in alike if (solution := system.solve(terms)) is not None]
         if solutions:
             return min(solutions, key=len)
     return None
@@ -343,11 +343,11 @@ def compare_with_classical(rows: Matrix, times: Sequence[float | None]) -> dict[
     wrong = [
         ["a", i, j]
         for i, row in enumerate(student["a"])
-        for j, one in enumerate(row)
-        if one != get_entry(classical["a"], i, j)
+        for j, entry in enumerate(row)
+        if entry != get_entry(classical["a"], i, j)
     ]
-    wrong += [["b", j] for j, one in enumerate(student["b"]) if one != get_entry([classical["b"]], 0, j)]
-    wrong += [["c", i] for i, one in enumerate(student["c"]) if one != get_entry([classical["c"]], 0, i)]
+    wrong += [["b", j] for j, entry in enumerate(student["b"]) if entry != get_entry([classical["b"]], 0, j)]
+    wrong += [["c", i] for i, entry in enumerate(student["c"]) if entry != get_entry([classical["c"]], 0, i)]
     return {"given": student, "asked": classical, "wrong": wrong}
 
 

@@ -126,14 +126,14 @@ def explain_wrong_bisection(observed: Observation) -> str | None:
     tried = [middles for middles in tried if len(middles) >= RUNS_MIN and any(run.warnings for run in middles)]
     if any(RIGHT.follow(middles, shortest_s, longest_s) for middles in tried):
         return None
-    found = [
+    matches = [
         (bisection, ends)
         for bisection, middles in product(MUTANTS, tried)
         if (ends := bisection.follow(middles, shortest_s, longest_s)) is not None
     ]
-    if len(found) > 1:
-        found = [(bisection, ends) for bisection, ends in found if list(ends) == claim.numbers] or found
-    return found[0][0].sentence if len(found) == 1 else AGAIN if found else None
+    if len(matches) > 1:
+        matches = [(bisection, ends) for bisection, ends in matches if list(ends) == claim.numbers] or matches
+    return matches[0][0].sentence if len(matches) == 1 else AGAIN if matches else None
 
 
 def is_look(runs: Sequence[Run], *ends: float) -> bool:

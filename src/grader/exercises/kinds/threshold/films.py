@@ -73,7 +73,7 @@ def record_films(
                 for panel, take in zip(film.panels, takes, strict=True) if not take.what
             )  # fmt: skip
             ends.append((agrees, film))
-    yield from (film for _, film in sorted(ends, key=lambda one: one[0]))
+    yield from (film for _, film in sorted(ends, key=lambda pair: pair[0]))
     limits = read_limits(evidence)
     known = [(by_id[claim.case], limits[claim.case]) for claim in shown if claim.case in limits]
     for name, is_above in (("below", False), ("above", True)):
@@ -144,7 +144,7 @@ def shoot(parameters: ThresholdParameters, name: str, title: str, takes: Sequenc
     rollouts = [run(parameters, take) for take in takes]
     ends = [float(rollout.time[-1]) for rollout in rollouts if rollout.diverged_at_step is not None]
     end_s = min(parameters.horizon_s, max(AFTERWARDS * max(ends), SHORTEST_S)) if ends else parameters.horizon_s
-    panels = tuple(build_panel(take, one, end_s) for take, one in zip(takes, rollouts, strict=True))
+    panels = tuple(build_panel(take, rollout, end_s) for take, rollout in zip(takes, rollouts, strict=True))
     caption = "; ".join(f"{panel.title}, {panel.detail}: {panel.ended or 'no warning'}" for panel in panels) + "."
     steps = sum(rollout.steps for rollout in rollouts)
     yield Film(name, title, caption, takes[0].trial.problem.scene, end_s, panels, steps=steps)

@@ -108,8 +108,8 @@ def describe_right_search(parameters: ThresholdParameters, visible: Sequence[Tra
 def is_same_for_all_models(judged: Sequence[JudgedTrial[Cell, Claim]]) -> bool:
     """Whether the claims ignore the model: the same numbers for all models, right for some and wrong for others."""
     by_case: dict[str, dict[str, Claim]] = {}
-    for one in judged:
-        by_case.setdefault(one.problem.case, {})[one.problem.integrator.name] = one.judgement.outcome
+    for trial in judged:
+        by_case.setdefault(trial.problem.case, {})[trial.problem.integrator.name] = trial.judgement.outcome
     answers = list(by_case.values())
     passed = {trial.judgement.passed for trial in judged if isinstance(trial.judgement.outcome, Bracket)}
     return len(answers) > 1 and passed == {True, False} and all(answer == answers[0] for answer in answers)
@@ -130,11 +130,11 @@ def repeats_earlier_find(judged: Sequence[JudgedTrial[Cell, Claim]], wrong: Sequ
     visible = [trial for trial in wrong if not trial.hidden]
     unstable: set[float] = set()
     explained = 0
-    for one in judged:
-        search, claim = read_search(one.trace), one.judgement.outcome
+    for trial in judged:
+        search, claim = read_search(trial.trace), trial.judgement.outcome
         if search is None:
             return False
-        if one in visible and isinstance(claim, Bracket) and claim.high in unstable:
+        if trial in visible and isinstance(claim, Bracket) and claim.high in unstable:
             explained += any(run.timestep_s >= claim.high and not run.warnings for run in search.runs)
         unstable |= {run.timestep_s for run in search.runs if run.warnings}
     return bool(visible) and explained == len(visible)

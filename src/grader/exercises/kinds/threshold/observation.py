@@ -51,8 +51,8 @@ class Observation:
         """The runs at timesteps that the claim calls unstable, the smallest first."""
         if not isinstance(self.claim, Bracket):
             return []
-        found = (run for run in self.search.runs if run.timestep_s >= self.claim.high * (1 - CLOSE))
-        return sorted(found, key=lambda run: run.timestep_s)
+        runs = (run for run in self.search.runs if run.timestep_s >= self.claim.high * (1 - CLOSE))
+        return sorted(runs, key=lambda run: run.timestep_s)
 
     @property
     def runs_before_falls(self) -> list[Run]:

@@ -50,22 +50,22 @@ def explain_other_return(observed: Observation) -> str | None:
     bracket, claim = observed.right_bracket, observed.claim
     if bracket is None or isinstance(claim, Unreadable):
         return None
-    found = ""
+    evidence = ""
     if observed.may_tell_numbers:
-        found = f": {1e3 * bracket.low:.4g} ms stayed stable, and at {1e3 * bracket.high:.4g} ms MuJoCo warned"
+        evidence = f": {1e3 * bracket.low:.4g} ms stayed stable, and at {1e3 * bracket.high:.4g} ms MuJoCo warned"
     if isinstance(claim, NoLimit):
-        return f"Your search is right{found}; but your function returns None. Return its ends: return low, high."
+        return f"Your search is right{evidence}; but your function returns None. Return its ends: return low, high."
     if claim.width < 0 or is_in_other_unit(claim, bracket):
         return None
     if claim.number is None and claim.width == 0:
-        twice = f"{1e3 * claim.low:.4g} ms" if found else "one end"
-        return f"Your search is right{found}; but you return {twice} twice. Return its two ends: return low, high."
+        twice = f"{1e3 * claim.low:.4g} ms" if evidence else "one end"
+        return f"Your search is right{evidence}; but you return {twice} twice. Return its two ends: return low, high."
     inside = bracket.low * (1 - CLOSE) <= min(claim.numbers) and max(claim.numbers) <= bracket.high * (1 + CLOSE)
     if inside:
         return None
     ends = " and ".join(f"{1e3 * end:.4g}" for end in claim.numbers)
-    returned = f"you return {ends} ms{describe_factor(claim, bracket)}" if found else "you return something else"
-    return f"Your search is right{found}; but {returned}. Return the two ends as the search has left them."
+    returned = f"you return {ends} ms{describe_factor(claim, bracket)}" if evidence else "you return something else"
+    return f"Your search is right{evidence}; but {returned}. Return the two ends as the search has left them."
 
 
 def is_in_other_unit(claim: Bracket, bracket: Bracket) -> bool:

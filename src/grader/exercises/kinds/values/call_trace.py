@@ -20,8 +20,8 @@ DERIVE = ("mj_forward", "mj_step1", "mj_fwdPosition", "mj_kinematics", "mj_inver
 
 def list_texts(trace: Trace, key: str) -> list[str]:
     """Returns the texts of a list in the note `used`; empty if there is none."""
-    found = next((note.info.get(key) for note in trace.list_notes("used")), None)
-    return [item for item in found if isinstance(item, str)] if isinstance(found, list) else []
+    texts = next((note.info.get(key) for note in trace.list_notes("used")), None)
+    return [item for item in texts if isinstance(item, str)] if isinstance(texts, list) else []
 
 
 def explain_unreadable_results(wrong: Sequence[StudentCall]) -> str | None:

@@ -31,7 +31,7 @@ def read_arguments(path: str, made: list[Any], xml: str) -> tuple[Any, ...]:
     """Returns arguments that a learner's function can be called with. Raises ValueError."""
     if len(made) > ARGUMENTS_MAX:
         raise ValueError(f"{path} makes {len(made)} arguments; at most {ARGUMENTS_MAX} are taken")
-    arguments = tuple(read_argument(f"argument {index} of {path}", one, xml) for index, one in enumerate(made, 1))
+    arguments = tuple(read_argument(f"argument {index} of {path}", value, xml) for index, value in enumerate(made, 1))
     if (count := sum(np.size(argument) for argument in arguments)) > NUMBERS_MAX:
         raise ValueError(f"{path} makes {count} numbers; at most {NUMBERS_MAX} are taken")
     return arguments
@@ -46,8 +46,8 @@ def read_argument(name: str, value: Any, xml: str) -> Any:
         return value
     array = read_array(value)
     if array is None:
-        found = value.get("type") if isinstance(value, dict) else type(value).__name__
-        raise ValueError(f'{name} must be a finite number, an array of them, "model" or "data", not {found}')
+        type_name = value.get("type") if isinstance(value, dict) else type(value).__name__
+        raise ValueError(f'{name} must be a finite number, an array of them, "model" or "data", not {type_name}')
     if array.ndim == 0:
         return array.item()
     if not array.size:

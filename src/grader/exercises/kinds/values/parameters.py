@@ -217,10 +217,10 @@ class Problem:
 
         model, results = compile_model(self.xml), [{"name": "residual", "field": None}]
         try:
-            found = limit_lines(lambda: call_function(remaining, model, call.inputs(), results))
+            remainder = limit_lines(lambda: call_function(remaining, model, call.inputs(), results))
         except TooManyLines as error:
             raise RanTooLong(str(error)) from error
-        return None if isinstance(found, str) else found[0]
+        return None if isinstance(remainder, str) else remainder[0]
 
 
 def read_size(size: int | str, arguments: Sequence[Any]) -> int:
@@ -229,10 +229,10 @@ def read_size(size: int | str, arguments: Sequence[Any]) -> int:
         return size
     place = int(size.split()[1])
     value = arguments[place - 1] if place <= len(arguments) else None
-    found = len(value) if isinstance(value, list) else value
-    if not isinstance(found, int) or found < 1:
+    count = len(value) if isinstance(value, list) else value
+    if not isinstance(count, int) or count < 1:
         raise ValueError(f"`shape` names {size}, which must be an array or a whole number above 0")
-    return found
+    return count
 
 
 def pose_case(parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Problem:
@@ -253,8 +253,8 @@ def pose_case(parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Pro
         tuple(draw_call(drawn) for _ in range(case.calls)),
         load_program(parameters.program, drawn.content.text_of, "program", wanted),
         tuple(
-            (load_program(one.program, drawn.content.text_of, f"mistakes.{index}.program"), one.sentence)
-            for index, one in enumerate(parameters.mistakes)
+            (load_program(mistake.program, drawn.content.text_of, f"mistakes.{index}.program"), mistake.sentence)
+            for index, mistake in enumerate(parameters.mistakes)
         ),
         independent=not any(isinstance(value, tuple) for value in case.set.values()),
         text=drawn.content.text_of(parameters.program),

@@ -155,8 +155,8 @@ def _index_of_text(options: Sequence[str], answer: str) -> int | None:
     if len(answer) > CHARACTERS_MAX:
         return None
     wanted = plain_text(answer).casefold()
-    found = [index for index, option in enumerate(options) if option_text(option).casefold() == wanted]
-    return found[0] if len(found) == 1 else None
+    matches = [index for index, option in enumerate(options) if option_text(option).casefold() == wanted]
+    return matches[0] if len(matches) == 1 else None
 
 
 @lru_cache(maxsize=2048)

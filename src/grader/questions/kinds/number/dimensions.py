@@ -111,7 +111,7 @@ def find_unit_dimension(text: str) -> Dimension | None:
         if name not in BASES:
             return None
         *own, factor = BASES[name]
-        powers = [sum_ + power * one for sum_, one in zip(powers, own, strict=True)]
+        powers = [sum_ + power * exponent for sum_, exponent in zip(powers, own, strict=True)]
         size *= factor**power
     return Dimension((powers[0], powers[1], powers[2]), None if counts_turns(text) else size, text)
 

@@ -66,12 +66,12 @@ NON_BREAKING = re.compile(r"(?<=[0-9]) ?~ ?(?=[^\W\d]|$)")
 
 def find_asked_bound(question: str) -> AskedBound | None:
     """Returns which bound a question asks for, by its words; None if by none, or by both."""
-    found = [
+    bounds = [
         asks
         for asks, words in ((AskedBound.LARGEST, LARGEST), (AskedBound.SMALLEST, SMALLEST))
         if words.search(question)
     ]
-    return found[0] if len(found) == 1 else None
+    return bounds[0] if len(bounds) == 1 else None
 
 
 def drop_bound(text: str, asks: AskedBound) -> str:

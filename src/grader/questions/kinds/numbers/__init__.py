@@ -215,7 +215,7 @@ def _read_field(field: NumberField, typed: Any) -> Quantity:
 def _mistake(wrong: Sequence[tuple[str, str | None]]) -> str | None:
     """The slip that explains all wrong numbers, if it is the same; `wrong` has the label and the slip of each."""
     slip = wrong[0][1] if wrong else None
-    if slip is None or any(one != slip for _, one in wrong):
+    if slip is None or any(other != slip for _, other in wrong):
         return None
     *others, last = [name for name, _ in wrong]
     names = f"{', '.join(others)} and {last}" if others else last

@@ -100,8 +100,8 @@ class Starts(Measurement):
             truth = solve_positions(scene, times, BEST)
             if number == self.first:
                 own_errors.append(measure_position_distance(scene, truth, solve_positions(scene, times, OTHER)))
-            for kind, found in errors.items():
-                for own, timestep_s in zip(found, timesteps_s, strict=True):
+            for kind, by_timestep in errors.items():
+                for own, timestep_s in zip(by_timestep, timesteps_s, strict=True):
                     own.append(measure_error(scene, truth, kind, timestep_s, times))
         return {"errors": errors, "own_errors": own_errors}
 
@@ -162,14 +162,14 @@ def summarise_errors(errors: Sequence[Sequence[float | None]], timesteps_s: Sequ
     """Returns `median` and `high`, the 95th percentile, of the errors at each timestep, their orders, and how many runs
     warned; a run that warned counts as larger than any error."""
     sizes = [np.array([np.inf if error is None else error for error in own]) for own in errors]
-    found: Record = {"warned": sum(int(np.isinf(own).sum()) for own in sizes), "orders": {}}
+    summary: Record = {"warned": sum(int(np.isinf(own).sum()) for own in sizes), "orders": {}}
     for name, percent in (("median", 50), ("high", PERCENT)):
         values = [float(np.percentile(own, percent, method="higher")) for own in sizes]
-        found[name] = [value if np.isfinite(value) else None for value in values]
+        summary[name] = [value if np.isfinite(value) else None for value in values]
         if np.all(np.isfinite(values)):
             fit = fit_order(timesteps_s, values)
-            found["orders"][name] = {"order": fit.order, "interval": [fit.low, fit.high]}
-    return found
+            summary["orders"][name] = {"order": fit.order, "interval": [fit.low, fit.high]}
+    return summary
 
 
 def draw(_records: Records, summary: Record) -> Figure:
@@ -177,8 +177,8 @@ def draw(_records: Records, summary: Record) -> Figure:
     figure = Figure(figsize=(13, 4.4))
     for axes, (name, scene) in zip(figure.subplots(1, len(HORIZONS_S)), summary["scenes"].items(), strict=True):
         steps = [1e3 * h for h in TIMESTEPS_S[name]]
-        for kind, found in scene["integrators"].items():
-            median, high = (np.array(found[what], dtype=float) for what in ("median", "high"))
+        for kind, curve in scene["integrators"].items():
+            median, high = (np.array(curve[what], dtype=float) for what in ("median", "high"))
             axes.plot(steps, median, "o-", color=COLOURS[kind], ms=3.5, lw=1.2, label=kind)
             axes.fill_between(steps, median, high, color=COLOURS[kind], alpha=0.12, lw=0)
         axes.axhline(scene["own_error"], color="#bbbbbb", lw=3, label="own error of the reference")

@@ -44,12 +44,12 @@ def list_quantities(scene: Scene) -> list[str]:
     """Returns the quantities that mean something on a scene: an energy without actuators and constraints, which store
     and add some of their own; a violation where constraints may act."""
     needed = {need.part for need in scene.needs if need.needed}
-    found = ["position", "velocity"]
+    quantities = ["position", "velocity"]
     if not needed & {"actuation", "constraints"}:
-        found.append("energy")
+        quantities.append("energy")
     if "constraints" in needed:
-        found.append("violation")
-    return found
+        quantities.append("violation")
+    return quantities
 
 
 def solve_states(scene: Scene, method: Method, tolerance: float) -> Array:
@@ -83,13 +83,13 @@ def measure_errors(scene: Scene, truth: Array, states: Array) -> Record:
     """Returns the largest difference at any sample in each quantity of the scene between two runs, (n, nq + nv)."""
     nq = int(scene.model.nq)
     energies, violations = zip(*(read_energy_and_violation(scene, array) for array in (truth, states)), strict=True)
-    found = {
+    errors = {
         "position": measure_position_distance(scene, truth[:, :nq], states[:, :nq]),
         "velocity": float(np.abs(truth[:, nq:] - states[:, nq:]).max()),
         "energy": float(np.abs(energies[0] - energies[1]).max()),
         "violation": float(np.abs(violations[0] - violations[1]).max()),
     }
-    return {name: found[name] for name in list_quantities(scene)}
+    return {name: errors[name] for name in list_quantities(scene)}
 
 
 @dataclass(frozen=True)
@@ -134,9 +134,9 @@ class Runs(Measurement):
             )  # fmt: skip
             digests.append(hashlib.sha256(run.states.tobytes()).hexdigest()[:12])
             warned = run.diverged_at_step is not None
-            found = {} if warned else measure_errors(scene, truth, np.hstack([run.qpos, run.qvel]))
+            run_errors = {} if warned else measure_errors(scene, truth, np.hstack([run.qpos, run.qvel]))
             for name, own in errors.items():
-                own.append(found.get(name))
+                own.append(run_errors.get(name))
         return {"errors": errors, "digests": digests}
 
 

@@ -131,10 +131,10 @@ class Solved(Measurement):
         """Error, evaluations and CPU time; or why the solver gave up."""
         work = Adaptive(self.scene, self.method, self.setting)
         try:
-            found = work()
+            positions = work()
         except RuntimeError as failure:
             return {"error": None, "why": str(failure)}
-        error = measure_position_distance(load_scene(self.scene), np.array(done[Truth(self.scene)]["qpos"]), found)
+        error = measure_position_distance(load_scene(self.scene), np.array(done[Truth(self.scene)]["qpos"]), positions)
         counted = {"error": error, "evaluations": work.evaluations}
         yardstick = make_run(self.scene, EULER.name, YARDSTICK_S)
         return counted | asdict(measure_pairs(work, yardstick, BUDGET_S[quick]))
@@ -151,11 +151,11 @@ def plan(quick: bool) -> Sequence[Measurement]:
 
 def list_settings(records: Records, scene: str, kind: type[Fixed] | type[Solved]) -> dict[str, list[Record]]:
     """Returns the records of a scene that have an error, each with its setting, by method."""
-    found: dict[str, list[Record]] = {}
+    settings: dict[str, list[Record]] = {}
     for key, record in select_kind(records, kind).items():
         if key.scene == scene and record["error"] is not None:
-            found.setdefault(key.method, []).append({"method": key.method, "setting": key.setting} | record)
-    return found
+            settings.setdefault(key.method, []).append({"method": key.method, "setting": key.setting} | record)
+    return settings
 
 
 def summarise(records: Records) -> Record:
@@ -186,7 +186,7 @@ def summarise_fewest(settings: Any, error: float) -> Record | None:
     good = [setting for setting in settings if setting["error"] <= error]
     if not good:
         return None
-    best = min(good, key=lambda one: int(one["evaluations"]))
+    best = min(good, key=lambda record: int(record["evaluations"]))
     return {name: best[name] for name in ("method", "setting", "evaluations", "ratio", "interval")}
 
 

@@ -149,11 +149,11 @@ def draw(_records: Records, summary: Record) -> Figure:
     left, right = figure.subplots(1, 2)
     for name, colour in zip(SCENES, ("#4477aa", "#ee6677"), strict=True):
         for bits, dash in zip(BITS, ("x:", "o-"), strict=True):
-            one, label = summary["scenes"][name][str(bits)], f"{describe_scene(name)}, float{bits}"
-            steps = [1e3 * h for h in TIMESTEPS_S[: len(one["errors"])]]
-            left.plot(steps, one["errors"], dash, color=colour, label=label)
-            sizes = [int(size) for size in one["batches"]]
-            right.plot(sizes, [cost["ratio"] for cost in one["batches"].values()], dash, color=colour)
+            record, label = summary["scenes"][name][str(bits)], f"{describe_scene(name)}, float{bits}"
+            steps = [1e3 * h for h in TIMESTEPS_S[: len(record["errors"])]]
+            left.plot(steps, record["errors"], dash, color=colour, label=label)
+            sizes = [int(size) for size in record["batches"]]
+            right.plot(sizes, [cost["ratio"] for cost in record["batches"].values()], dash, color=colour)
     left.set(xscale="log", yscale="log", xlabel="timestep [ms]", ylabel="largest position error [rad, m]")
     right.set(xscale="log", yscale="log", xlabel="trajectories of a batch", ylabel="CPU time over MuJoCo's in C")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)

@@ -141,13 +141,13 @@ class Collision(Measurement):
 
 def summarise_case(records: Records, case: str) -> Record:
     """Shares of the outcomes under each integrator, and what the first warned run went through."""
-    found = {}
+    summaries = {}
     for integrator in BY_NAME:
         record = records[Collision(case, integrator)]
         grid = to_grid(record["outcomes"])
         shares = {name: float((grid == number).mean()) for number, name in enumerate(record["names"])}
-        found[integrator] = {"shares": shares, "reset": record["reset"]}
-    return found
+        summaries[integrator] = {"shares": shares, "reset": record["reset"]}
+    return summaries
 
 
 def draw_cases(records: Records, _summary: Record) -> Figure:

@@ -62,12 +62,12 @@ def refine_map(levels: int, coarse: int, classify: Callable[[int, int], int]) ->
     classes at every point, filled in where not evaluated, and 1 where evaluated, both (2^levels + 1, 2^levels + 1).
     """
     size = 2**levels + 1
-    found = np.full((size, size), UNKNOWN, dtype=np.int8)
+    classes = np.full((size, size), UNKNOWN, dtype=np.int8)
 
     def at(row: int, column: int) -> int:
-        if found[row, column] == UNKNOWN:
-            found[row, column] = classify(row, column)
-        return int(found[row, column])
+        if classes[row, column] == UNKNOWN:
+            classes[row, column] = classify(row, column)
+        return int(classes[row, column])
 
     width = 2**coarse
     cells = {(row, column) for row in range(0, size - 1, width) for column in range(0, size - 1, width)}
@@ -80,11 +80,11 @@ def refine_map(levels: int, coarse: int, classify: Callable[[int, int], int]) ->
             break
         width //= 2
         cells = {part for cell in split for part in list_around(cell, 0, width)}
-    evaluated = (found != UNKNOWN).astype(np.int8)
+    evaluated = (classes != UNKNOWN).astype(np.int8)
     for row, column, side, kind in fills:
-        patch = found[row : row + side + 1, column : column + side + 1]
+        patch = classes[row : row + side + 1, column : column + side + 1]
         patch[patch == UNKNOWN] = kind
-    return found, evaluated
+    return classes, evaluated
 
 
 def list_around(cell: tuple[int, int], *offsets: int) -> Iterator[tuple[int, int]]:

@@ -184,9 +184,9 @@ def draw(_records: Records, summary: Record) -> Figure:
     figure = Figure(figsize=(9, 5.6))
     axes: Any = figure.subplots()
     ordered = sorted(summary["models"].items(), key=lambda item: item[1]["skipping"]["ratio"])
-    for row, (_, one) in enumerate(ordered):
-        ratio, (low, high) = one["skipping"]["ratio"], one["skipping"]["interval"]
-        colour = "#bb5566" if "constraints" in one["needed"] else "#335599"
+    for row, (_, record) in enumerate(ordered):
+        ratio, (low, high) = record["skipping"]["ratio"], record["skipping"]["interval"]
+        colour = "#bb5566" if "constraints" in record["needed"] else "#335599"
         axes.errorbar(ratio, row, xerr=[[ratio - low], [high - ratio]], fmt="o", color=colour, ms=4)
     axes.axvline(1, color="black", lw=0.8)
     axes.set_yticks(range(len(ordered)), [name for name, _ in ordered])

@@ -161,10 +161,10 @@ class PeerSetting(Measurement):
         scene = load_scene(self.scene)
         run = find_peers(self.scene)[self.method].run
         try:
-            found = run(self.setting, SAMPLE_TIMES_S)
+            positions = run(self.setting, SAMPLE_TIMES_S)
         except RuntimeError as failure:
             return {"error": None, "why": str(failure)}
-        error = measure_position_distance(scene, np.array(done[Truth(self.scene)]["qpos"]), found)
+        error = measure_position_distance(scene, np.array(done[Truth(self.scene)]["qpos"]), positions)
         yardstick = Stepping(scene, *YARDSTICK)
         timed = measure_pairs(lambda: run(self.setting, END_TIMES_S), yardstick, BUDGET_S[quick])
         return {"error": error} | asdict(timed)
@@ -200,12 +200,12 @@ class Point:
 
 def list_points(records: Records, kind: type[Setting] | type[PeerSetting], scene: str) -> dict[str, list[Point]]:
     """Returns all points of a scene that could be timed, by method."""
-    found: dict[str, list[Point]] = {}
+    by_method: dict[str, list[Point]] = {}
     for key, record in select_kind(records, kind).items():
         if key.scene == scene and "ratio" in record:
             point = Point(key.method, key.setting, record["error"], record["ratio"], tuple(record["pairs"]))
-            found.setdefault(key.method, []).append(point)
-    return found
+            by_method.setdefault(key.method, []).append(point)
+    return by_method
 
 
 def find_front(points: Sequence[Point]) -> list[Point]:
@@ -246,11 +246,11 @@ def compare_with_peer(mujoco: Point | None, peer: Point | None) -> Record | None
 
 def summarise_procedure(points: Sequence[Point]) -> Record | None:
     """Errors of the settings of PROCEDURE, and their costs in runs of the start."""
-    found = {(point.method, point.setting): point for point in points}
-    if not all(setting in found for setting in PROCEDURE.values()):
+    by_setting = {(point.method, point.setting): point for point in points}
+    if not all(setting in by_setting for setting in PROCEDURE.values()):
         return None
-    start = found[PROCEDURE["start"]]
-    chosen = {name: found[setting] for name, setting in PROCEDURE.items()}
+    start = by_setting[PROCEDURE["start"]]
+    chosen = {name: by_setting[setting] for name, setting in PROCEDURE.items()}
     return {
         name: {"error": point.error} | ({"ratio": 1.0} if point is start else point.over(start))
         for name, point in chosen.items()

@@ -107,8 +107,8 @@ class Ray(Measurement):
             scene = build_held_joint(z)
             code = BY_NAME[self.integrator].code
             by_step = compute_spectral_radius(scene.at(qpos=[0.0]), timestep_s=1.0, integrator=code)
-            found = {"closed": compute_growth(self.integrator, z), "spectral": by_step}
-            points.append({"radius": radius, "inside": radius < end, **found, "grows": grows(scene, self.integrator)})
+            growth = {"closed": compute_growth(self.integrator, z), "spectral": by_step}
+            points.append({"radius": radius, "inside": radius < end, **growth, "grows": grows(scene, self.integrator)})
         return {"limit": end if isfinite(end) else None, "points": points}
 
     def rows(self, record: Record) -> list[Record]:
@@ -142,9 +142,9 @@ def summarise_servo(servo: Servo) -> Record:
     """The eigenvalue [1/s] and the largest stable timesteps [s] of each integrator, None where there is no limit."""
     limits = dict.fromkeys(BY_NAME, servo.implicit_s)
     limits |= {"Euler": servo.euler_s, "RK4": servo.rk4_s, "discrete": servo.discrete_s}
-    found = compute_eigenvalue(servo)
+    eigenvalue = compute_eigenvalue(servo)
     return {
-        "eigenvalue": [found.real, found.imag],
+        "eigenvalue": [eigenvalue.real, eigenvalue.imag],
         "limits_s": {kind: h if isfinite(h) else None for kind, h in limits.items()},
     }
 
@@ -185,9 +185,9 @@ def draw_points(axes: Any, records: Records, grown: bool, marker: str) -> None:
     for key, record in select_kind(records, Ray).items():
         if key.integrator not in COLOURS:
             continue
-        found = [rect(p["radius"], radians(key.angle)) for p in record["points"] if p["grows"] is grown]
+        drawn = [rect(p["radius"], radians(key.angle)) for p in record["points"] if p["grows"] is grown]
         colour = COLOURS[key.integrator]
-        axes.plot([z.real for z in found], [z.imag for z in found], marker, color=colour, ms=3.5, mfc="none", mew=0.8)
+        axes.plot([z.real for z in drawn], [z.imag for z in drawn], marker, color=colour, ms=3.5, mfc="none", mew=0.8)
     said = "simulated: grows" if grown else "simulated: does not grow"
     axes.plot([], [], marker, color="#555555", ms=3.5, mfc="none", label=said)
 

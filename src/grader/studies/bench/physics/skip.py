@@ -143,7 +143,7 @@ class Savings(Measurement):
 
     def rows(self, record: Record) -> list[Record]:
         """Returns one row a stage."""
-        return [{"stage": name, "ratio": one["ratio"]} for name, one in record["stages"].items()]
+        return [{"stage": name, "ratio": stage["ratio"]} for name, stage in record["stages"].items()]
 
 
 @dataclass(frozen=True)
@@ -189,8 +189,8 @@ def summarise(records: Records) -> Record:
             "flags": [
                 {name: record[name] for name in ("part", "proven", "reason", "bitwise", "largest_difference")}
                 | summarise_ratio(record)
-                for one, record in flags.items()
-                if one.scene == key.scene
+                for flag, record in flags.items()
+                if flag.scene == key.scene
             ],
             "savings": {stage: summarise_ratio(timed) for stage, timed in saved["stages"].items()},
             "bitwise": saved["bitwise"],

@@ -253,14 +253,14 @@ def summarise_windows(records: Records, chart: str, integrator: str) -> list[Rec
     grid = to_grid(records[Full(chart, integrator)]["classes"])
     timesteps_s = CHARTS[chart].ticks(len(grid))[0]
     beyond = int(np.isin(grid, [Class.SLOW, Class.WINDOW, Class.UNSTABLE]).sum())
-    found = []
+    windows = []
     for kind in (Class.SLOW, Class.WINDOW, Class.FRAGILE):
         lines = np.flatnonzero((grid == kind).any(axis=1))
         if len(lines):
             share = float((grid == kind).sum() / beyond) if beyond else None
             span = [timesteps_s[lines[0]], timesteps_s[lines[-1]]]
-            found.append({"kind": kind.name.lower(), "share_of_unstable": share, "timesteps_s": span})
-    return found
+            windows.append({"kind": kind.name.lower(), "share_of_unstable": share, "timesteps_s": span})
+    return windows
 
 
 def draw_chart(chart: str, records: Records, _summary: Record) -> Figure:
@@ -285,8 +285,8 @@ def draw_map(axes: Any, name: str, integrator: str, records: Records) -> None:
     closed = [chart.closed_form_s(integrator, value) * scale for value in values]
     axes.plot(values, closed, color="black", lw=1.2, label="closed form")
     edges = list_edges(records, name, integrator)
-    for found, marker, label in (("simulated", "o", "simulated limit, 3 s"), ("spectral", "+", "spectral radius = 1")):
-        known = [(edge["parameter"], edge[f"{found}_s"] * scale) for edge in edges if edge[f"{found}_s"] is not None]
+    for method, marker, label in (("simulated", "o", "simulated limit, 3 s"), ("spectral", "+", "spectral radius = 1")):
+        known = [(edge["parameter"], edge[f"{method}_s"] * scale) for edge in edges if edge[f"{method}_s"] is not None]
         if known:
             axes.plot(*zip(*known, strict=True), marker, color="black", ms=5, mfc="none", mew=0.8, label=label)
 

@@ -45,14 +45,14 @@ def compute_digest(name: str, integrator: Integrator) -> str:
     """Returns a digest of all states of a scene or model at each timestep of BITS_S; `refused` where MuJoCo refuses the
     integrator."""
     scene = load_scene(name) if find_scene(name).exists() else load_model_scene(name)
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for timestep_s in BITS_S:
         try:
             run = simulate(scene, steps=BITS_STEPS, timestep_s=timestep_s, integrator=integrator.code)
         except mujoco.FatalError:
             return "refused"
-        found.update(run.states.tobytes())
-    return found.hexdigest()[:12]
+        digest.update(run.states.tobytes())
+    return digest.hexdigest()[:12]
 
 
 def list_names() -> list[str]:

@@ -10,8 +10,8 @@ CHECKED_SHARE = 0.5
 
 def advice_rows(results: Results) -> dict[str, Results]:
     """Returns the models that were surveyed, by name."""
-    found: dict[str, Results] = results["advice"]["models"]
-    return found
+    models: dict[str, Results] = results["advice"]["models"]
+    return models
 
 
 def list_checked(results: Results) -> list[Results]:

@@ -43,8 +43,8 @@ def span(values: Sequence[float], digits: str = ".2g") -> str:
 
 def scenes_of(results: Results) -> Results:
     """Returns the scenes of the precision study."""
-    found: Results = results["precision"]["scenes"]
-    return found
+    scenes: Results = results["precision"]["scenes"]
+    return scenes
 
 
 @claim
@@ -56,11 +56,11 @@ def pairs(_results: Results) -> str:
 @claim
 def orders(results: Results) -> str:
     """RK4 on hinges, on quaternions, and where constraints switch."""
-    found = {name: scene["orders"]["RK4"]["order"] for name, scene in scenes_of(results).items()}
-    hinges, quaternions = round(found["servo"]), round(found["spinning_body"])
-    demand(all(abs(found[name] - 4) < 0.4 for name in ("double_pendulum", "servo", "stiff_servo")), found)
-    demand(all(abs(found[name] - 2) < 0.1 for name in ("spinning_body", "eccentric_body")), found)
-    demand(all(0.5 < found[name] < 1.5 for name in SWITCHING), found)
+    orders = {name: scene["orders"]["RK4"]["order"] for name, scene in scenes_of(results).items()}
+    hinges, quaternions = round(orders["servo"]), round(orders["spinning_body"])
+    demand(all(abs(orders[name] - 4) < 0.4 for name in ("double_pendulum", "servo", "stiff_servo")), orders)
+    demand(all(abs(orders[name] - 2) < 0.1 for name in ("spinning_body", "eccentric_body")), orders)
+    demand(all(0.5 < orders[name] < 1.5 for name in SWITCHING), orders)
     return (
         f"RK4 has order {hinges} on hinges, {quaternions} on quaternions (MuJoCo "
         f"{results['precision']['versions']['mujoco']}), and 1 where a limit or a contact opens and closes"
@@ -104,17 +104,17 @@ def costs(results: Results, kind: str) -> list[float]:
 @claim
 def quarter(results: Results) -> str:
     """Returns the cost of RK4 at a quarter of the step."""
-    found = costs(results, "quarter")
-    demand(min(found) > 2, f"costs of RK4 at 0.5 ms in runs of the start: {found}")
-    return f"RK4 at a quarter of the step costs {span(found)} times as much as the start"
+    ratios = costs(results, "quarter")
+    demand(min(ratios) > 2, f"costs of RK4 at 0.5 ms in runs of the start: {ratios}")
+    return f"RK4 at a quarter of the step costs {span(ratios)} times as much as the start"
 
 
 @claim
 def four_times(results: Results) -> str:
     """Returns the cost of RK4 at four times the step."""
-    found = costs(results, "four_times")
-    demand(max(found) < 1, f"costs of RK4 at 8 ms in runs of the start: {found}")
-    return f"RK4 at 8 ms costs {span(found, '.2f')} of `implicitfast` at 2 ms"
+    ratios = costs(results, "four_times")
+    demand(max(ratios) < 1, f"costs of RK4 at 8 ms in runs of the start: {ratios}")
+    return f"RK4 at 8 ms costs {span(ratios, '.2f')} of `implicitfast` at 2 ms"
 
 
 @claim
@@ -189,9 +189,9 @@ def overtakes(results: Results) -> str:
     ratios: dict[str, list[float]] = {}
     for name in ("spinning_body", "eccentric_body"):
         for peer, own in scenes_of(results)[name]["peers"].items():
-            for error, found in own.items():
-                if "SciPy" in peer and found and found["ratio"]:
-                    ratios.setdefault(error, []).append(found["ratio"])
+            for error, entry in own.items():
+                if "SciPy" in peer and entry and entry["ratio"]:
+                    ratios.setdefault(error, []).append(entry["ratio"])
     dearer = [error for error, own in ratios.items() if max(own) > 1]
     cheaper = [error for error, own in ratios.items() if max(own) < 1]
     demand(bool(cheaper and dearer) and [*dearer, *cheaper] == list(ratios), f"SciPy's costs over MuJoCo's: {ratios}")
@@ -201,9 +201,9 @@ def overtakes(results: Results) -> str:
 @claim
 def alternatives(results: Results) -> str:
     """Returns the peers that not every machine has."""
-    found = {peer for scene in scenes_of(results).values() for peer in scene["peers"]}
-    demand(found >= {"Pinocchio ABA + RK4", "Drake RK5"}, f"peers measured: {sorted(found)}")
-    plain = "by plain `mj_step(nstep)`, " if "mj_step(nstep), RK4" in found else ""
+    peers = {peer for scene in scenes_of(results).values() for peer in scene["peers"]}
+    demand(peers >= {"Pinocchio ABA + RK4", "Drake RK5"}, f"peers measured: {sorted(peers)}")
+    plain = "by plain `mj_step(nstep)`, " if "mj_step(nstep), RK4" in peers else ""
     return f"{plain}by Pinocchio's ABA under RK4 in Python and by Drake's RK5"
 
 
@@ -252,8 +252,8 @@ def constrained(results: Results) -> str:
 @claim
 def bitwise(results: Results) -> str:
     """Returns all results of the skip study."""
-    found = {name: scene["bitwise"] for name, scene in results["skip"]["scenes"].items()}
-    demand(all(found.values()) and not results["skip"]["broken_proofs"], f"bitwise the same: {found}")
+    proofs = {name: scene["bitwise"] for name, scene in results["skip"]["scenes"].items()}
+    demand(all(proofs.values()) and not results["skip"]["broken_proofs"], f"bitwise the same: {proofs}")
     return "bitwise the same for all five integrators"
 
 
@@ -273,11 +273,11 @@ def islands(results: Results) -> str:
 @claim
 def sides(results: Results) -> str:
     """Closed forms, MuJoCo's step and simulations on the complex plane."""
-    found = results["regions"]
-    demand(found["wrong"] == 0, f"{found['wrong']} of {found['points']} points do not what the plane says")
+    regions = results["regions"]
+    demand(regions["wrong"] == 0, f"{regions['wrong']} of {regions['points']} points do not what the plane says")
     return (
-        f"the closed forms and MuJoCo's own step differ by {found['largest_difference']:.0e} at most, "
-        f"and all {found['points']} simulated points do what the plane says"
+        f"the closed forms and MuJoCo's own step differ by {regions['largest_difference']:.0e} at most, "
+        f"and all {regions['points']} simulated points do what the plane says"
     )
 
 
@@ -286,7 +286,7 @@ def turned(results: Results) -> str:
     """How the borders move as damping grows."""
     limits = results["regions"]["limits"]
     first, last = (str(angle) for angle in (regions.ANGLES[0], regions.ANGLES[-1]))
-    ends = {kind: (one[first], one[last]) for kind, one in limits.items()}
+    ends = {kind: (curve[first], curve[last]) for kind, curve in limits.items()}
     euler, implicit = ends["Euler"], ends["implicit"]
     demand(limits["implicit"] == limits["implicitfast"] and ends["discrete"] == (None, None), ends)
     demand(euler[0] > euler[1] and implicit[0] < implicit[1], ends)
@@ -308,8 +308,8 @@ def runs_of(results: Results) -> Iterator[tuple[tuple[str, str], list[Results]]]
 def fed(results: Results) -> str:
     """Returns the integrators that add energy until MuJoCo warns."""
     warned = {key: [bool(run["warning"]) for run in runs] for key, runs in runs_of(results)}
-    always = {key for key, found in warned.items() if all(found)}
-    some = {key for key, found in warned.items() if any(found)}
+    always = {key for key, flags in warned.items() if all(flags)}
+    some = {key for key, flags in warned.items() if any(flags)}
     demand(always == some == {("double_pendulum", "implicit"), ("spinning_body", "Euler")}, f"warned: {sorted(some)}")
     return (
         "`implicit` feeds the double pendulum, and Euler the spinning body, until MuJoCo warns and resets them, "
@@ -329,8 +329,8 @@ def lost(results: Results) -> str:
 @claim
 def gentle(results: Results) -> str:
     """RK4 over the same time."""
-    found = {name: kinds["RK4"]["2 ms"]["largest"] for name, kinds in results["energy"]["scenes"].items()}
-    return f"RK4 at 2 ms stays within {found['double_pendulum']:.0e} and {found['spinning_body']:.0e}"
+    drifts = {name: kinds["RK4"]["2 ms"]["largest"] for name, kinds in results["energy"]["scenes"].items()}
+    return f"RK4 at 2 ms stays within {drifts['double_pendulum']:.0e} and {drifts['spinning_body']:.0e}"
 
 
 @claim
@@ -338,7 +338,7 @@ def many(results: Results) -> str:
     """How many models skipping is measured on."""
     models = results["models"]["models"]
     demand(len(models) >= 20, f"{len(models)} models were measured")
-    demand(all(model["bitwise"] for model in models.values()), {name: one["bitwise"] for name, one in models.items()})
+    demand(all(model["bitwise"] for model in models.values()), {name: row["bitwise"] for name, row in models.items()})
     return f"on {len(models)} models"
 
 

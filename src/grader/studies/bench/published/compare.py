@@ -25,23 +25,23 @@ NAMING = ("part", "backend", "students", "server", "script", "workers")
 
 def list_ratios(results: Any, path: str = "") -> Iterator[tuple[str, Results]]:
     """Yields each measured ratio with its interval, and where it stands."""
-    for name, one in results.items() if isinstance(results, dict) else ():
-        if isinstance(one, dict) and one.get("ratio") is not None:
-            yield f"{path}{name}", one
-        yield from list_ratios(one, f"{path}{name}, ")
-    for number, one in enumerate(results if isinstance(results, list) else ()):
-        if isinstance(one, dict) and "ratio" in one:
-            said = ", ".join(str(one[name]) for name in NAMING if name in one)
-            yield f"{path}{said or number}", one
+    for name, entry in results.items() if isinstance(results, dict) else ():
+        if isinstance(entry, dict) and entry.get("ratio") is not None:
+            yield f"{path}{name}", entry
+        yield from list_ratios(entry, f"{path}{name}, ")
+    for number, entry in enumerate(results if isinstance(results, list) else ()):
+        if isinstance(entry, dict) and "ratio" in entry:
+            said = ", ".join(str(entry[name]) for name in NAMING if name in entry)
+            yield f"{path}{said or number}", entry
 
 
 def list_others(results: Any, path: str = "") -> Iterator[tuple[str, float]]:
     """Yields every other number: errors, orders, shares, counts."""
-    for name, one in results.items() if isinstance(results, dict) else ():
+    for name, entry in results.items() if isinstance(results, dict) else ():
         if name not in CIRCUMSTANCES | {"ratio", "pareto", "loads"}:
-            yield from list_others(one, f"{path}{name}, ")
-    for number, one in enumerate(results if isinstance(results, list) else ()):
-        yield from list_others(one, f"{path}{number}, ")
+            yield from list_others(entry, f"{path}{name}, ")
+    for number, entry in enumerate(results if isinstance(results, list) else ()):
+        yield from list_others(entry, f"{path}{number}, ")
     if isinstance(results, int | float) and not isinstance(results, bool):
         yield path.removesuffix(", "), float(results)
 
@@ -91,8 +91,8 @@ def main(docs: Path, folder: Path) -> None:
     }
     if not theirs:
         sys.exit(f"there are no results in {folder}: run grader bench NAME --out {folder}")
-    for name, one in theirs.items():
-        print("\n".join(compare(ours[name], one)))
+    for name, entry in theirs.items():
+        print("\n".join(compare(ours[name], entry)))
     _, denied = fill((docs / "measured.md").read_text(encoding="utf-8"), ours | theirs)
     if denied:
         sys.exit("\n".join(denied))

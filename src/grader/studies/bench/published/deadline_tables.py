@@ -23,8 +23,8 @@ def deadline(results: Results) -> Iterator[tuple[str, ...]]:
     """Yields the waits of the rush for each script and machine, with what the machine grades and holds."""
     memory = results["deadline"]["memory_mb"]
     for name, script in results["deadline"]["scripts"].items():
-        for cores, one in script["machines"].items():
-            waits = (describe_s(one[key]) for key in ("median_s", "p95_s", "p99_s", "longest_s", "last_verdict_s"))
+        for cores, machine in script["machines"].items():
+            waits = (describe_s(machine[key]) for key in ("median_s", "p95_s", "p99_s", "longest_s", "last_verdict_s"))
             rate = f"{float(format(60 * int(cores) / script['service_s'], '.2g')):,.0f}"
             held = f"{(memory['server'] + int(cores) * memory['process']) / 1024:.1f} GB"
             yield f"{NAMES[name]}, {script['cpu_s']:.2g} s", cores, rate, *waits, f"{script['cpu_hours']:.2g} h", held
@@ -49,10 +49,10 @@ def describe_s(time_s: float) -> str:
 @claim
 def deadline_class(results: Results) -> str:
     """What the class does."""
-    found = results["deadline"]
+    rush = results["deadline"]
     return (
-        f"{found['learners']:,} learners hand in {found['each']} scripts each, {100 * found['rush_share']:g} of 100 in "
-        f"the last {found['rush_s'] / 60:g} minutes and the others over the day before"
+        f"{rush['learners']:,} learners hand in {rush['each']} scripts each, {100 * rush['rush_share']:g} of 100 in "
+        f"the last {rush['rush_s'] / 60:g} minutes and the others over the day before"
     )
 
 
@@ -82,18 +82,18 @@ def deadline_memory(results: Results) -> str:
 @claim
 def deadline_rehearsal(results: Results) -> str:
     """How long learners waited in the rehearsal, beside the simulation of the same arrivals."""
-    one, parts = results["deadline"]["rehearsals"][KIND], list[str]()
+    run, parts = results["deadline"]["rehearsals"][KIND], list[str]()
     for who in ("others", "greedy"):
         for key in ("median_s", "p95_s"):
-            real, simulated = (one[f"{who}_{kind}_{key}"] for kind in ("measured", "simulated"))
+            real, simulated = (run[f"{who}_{kind}_{key}"] for kind in ("measured", "simulated"))
             demand(1 / SIMILAR < real / simulated < SIMILAR, f"{who}, {key}: {real} s, simulated {simulated} s")
             parts.append(f"{real:.2g} s ({simulated:.2g} simulated)")
     rates = (
-        one["processes"] / found for found in (one["service_s"], results["deadline"]["scripts"][KIND]["service_s"])
+        run["processes"] / seconds for seconds in (run["service_s"], results["deadline"]["scripts"][KIND]["service_s"])
     )
     graded, expected = (f"{rate:.2g}" for rate in rates)
     return (
-        f"{one['scripts']} scripts, {one['load']:g} times as many as are graded meanwhile, were graded at {graded} a "
+        f"{run['scripts']} scripts, {run['load']:g} times as many as are graded meanwhile, were graded at {graded} a "
         f"second, where the CPU time of one lets expect {expected}. Half of the verdicts came within {parts[0]} and 95 "
         f"of 100 within {parts[1]}; those of a learner who handed in a third of the scripts within {parts[2]} and "
         f"{parts[3]}"

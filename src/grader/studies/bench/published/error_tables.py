@@ -15,9 +15,9 @@ SHOWN_S = 0.002
 @table("scene", "integrator", "position", "velocity", "energy [J]", "violation", "orders, in this order")
 def quantities(results: Results) -> Iterator[tuple[str, ...]]:
     """Yields the errors of every quantity at SHOWN_S, and the orders that they show."""
-    found = results["quantities"]
-    place = found["timesteps_s"].index(SHOWN_S)
-    for name, scene in found["scenes"].items():
+    record = results["quantities"]
+    place = record["timesteps_s"].index(SHOWN_S)
+    for name, scene in record["scenes"].items():
         for kind, errors in scene["errors"].items():
             cells = []
             for quantity in ("position", "velocity", "energy", "violation"):
@@ -30,13 +30,13 @@ def quantities(results: Results) -> Iterator[tuple[str, ...]]:
 @table("scene", "integrator", "errors", "1", "1/2", "1/4", "1/8", "1/16", "order")
 def impacts(results: Results) -> Iterator[tuple[str, ...]]:
     """Yields median and 95 % of the errors at each scene's timesteps, and the orders that they show."""
-    found = results["impacts"]
-    for name, scene in found["scenes"].items():
-        yield describe_scene(name), "", "timestep", *map(milliseconds, found["timesteps_s"][name]), ""
-        for kind, one in scene["integrators"].items():
+    record = results["impacts"]
+    for name, scene in record["scenes"].items():
+        yield describe_scene(name), "", "timestep", *map(milliseconds, record["timesteps_s"][name]), ""
+        for kind, entry in scene["integrators"].items():
             for what, title in (("median", "median"), ("high", f"{PERCENT} %")):
-                errors = ("warned" if error is None else f"{error:.1e}" for error in one[what])
-                yield describe_scene(name), kind, title, *errors, fitted(one["orders"].get(what))
+                errors = ("warned" if error is None else f"{error:.1e}" for error in entry[what])
+                yield describe_scene(name), kind, title, *errors, fitted(entry["orders"].get(what))
 
 
 def orders_of(results: Results, what: str) -> list[float]:
@@ -94,9 +94,9 @@ def own_impacts(results: Results) -> str:
 
 def ratios_to_position(results: Results, quantity: str, integrator: str = "RK4") -> dict[str, float]:
     """Returns the errors of a quantity at SHOWN_S over those of the positions, by scene."""
-    found = results["quantities"]
-    place = found["timesteps_s"].index(SHOWN_S)
-    errors = {name: scene["errors"][integrator] for name, scene in found["scenes"].items()}
+    record = results["quantities"]
+    place = record["timesteps_s"].index(SHOWN_S)
+    errors = {name: scene["errors"][integrator] for name, scene in record["scenes"].items()}
     return {
         name: own[quantity][place] / own["position"][place]
         for name, own in errors.items()
@@ -107,11 +107,11 @@ def ratios_to_position(results: Results, quantity: str, integrator: str = "RK4")
 @claim
 def velocities(results: Results) -> str:
     """How much larger the errors of velocities are under RK4."""
-    found = ratios_to_position(results, "velocity")
-    spinning = found.pop("spinning_body")
-    demand(spinning < 1 < min(found.values()), f"error of velocities over that of positions: {found}, {spinning}")
+    ratios = ratios_to_position(results, "velocity")
+    spinning = ratios.pop("spinning_body")
+    demand(spinning < 1 < min(ratios.values()), f"error of velocities over that of positions: {ratios}, {spinning}")
     return (
-        f"Under RK4 at 2 ms the velocities are off by {span([*found.values()], '.0f')} times the number of the "
+        f"Under RK4 at 2 ms the velocities are off by {span([*ratios.values()], '.0f')} times the number of the "
         "positions, and by less on the spinning body alone"
     )
 
@@ -119,10 +119,10 @@ def velocities(results: Results) -> str:
 @claim
 def violations(results: Results) -> str:
     """How far constraints are violated by the solution itself, and the errors of that under RK4."""
-    found = results["quantities"]
-    place = found["timesteps_s"].index(SHOWN_S)
+    record = results["quantities"]
+    place = record["timesteps_s"].index(SHOWN_S)
     parts = []
-    for name, scene in found["scenes"].items():
+    for name, scene in record["scenes"].items():
         if "violation" in scene["own_errors"]:
             error = scene["errors"]["RK4"]["violation"][place]
             demand(error < scene["largest_violation"], f"{name}: error {error}")
@@ -148,10 +148,10 @@ def recording(results: Results) -> str:
 @claim
 def newer(results: Results) -> str:
     """Returns what MuJoCo 4.0.0 changes."""
-    found = results["versions"]
-    ours, theirs = (found["versions"][version] for version in (PINNED, OTHER))
+    record = results["versions"]
+    ours, theirs = (record["versions"][version] for version in (PINNED, OTHER))
     same = [name for name, digests in ours["digests"].items() if digests == theirs["digests"][name]]
-    place = found["timesteps_s"].index(SHOWN_S)
+    place = record["timesteps_s"].index(SHOWN_S)
     gain = ours["spinning_body"]["errors"][place] / theirs["spinning_body"]["errors"][place]
     demand(bool(same) and gain > 10, f"the same: {same}; error of RK4 over that of {OTHER}: {gain}")
     return (

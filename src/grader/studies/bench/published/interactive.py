@@ -15,13 +15,13 @@ TEMPLATE = Path(__file__).with_name("interactive.html")
 def collect_points(results: Results) -> list[dict[str, Any]]:
     """Returns every setting of MuJoCo as scene, integrator, timestep [ms], its CPU time in runs of the defaults (None
     where that was not measured), and its error and order by quantity."""
-    precision, found = results["precision"]["scenes"], results["quantities"]
+    precision, record = results["precision"]["scenes"], results["quantities"]
     points: list[dict[str, Any]] = []
-    for name, scene in found["scenes"].items():
+    for name, scene in record["scenes"].items():
         for kind, errors in scene["errors"].items():
-            costs = precision.get(name, {}).get("costs", {}).get(kind, [None] * len(found["timesteps_s"]))
+            costs = precision.get(name, {}).get("costs", {}).get(kind, [None] * len(record["timesteps_s"]))
             orders = {quantity: fit and fit["order"] for quantity, fit in scene["orders"][kind].items()}
-            for place, timestep_s in enumerate(found["timesteps_s"]):
+            for place, timestep_s in enumerate(record["timesteps_s"]):
                 values = {quantity: own[place] for quantity, own in errors.items()}
                 settings = {"scene": describe_scene(name), "integrator": kind, "ms": 1e3 * timestep_s}
                 points.append(settings | {"cost": costs[place], "errors": values, "orders": orders})

@@ -53,14 +53,14 @@ def load_results(folder: Path) -> Results:
     """Returns the committed JSON of the studies by name; `versions`, digests of runs by MuJoCo's version; and `other`,
     the studies that were repeated with the other version."""
     names = [*STUDIES, ADVICE, *(["versions"] if (folder / "versions.json").exists() else [])]
-    found: Results = {"versions": None} | {name: read_json(folder / f"{name}.json") for name in names}
-    return found | {"other": {path.stem: read_json(path) for path in sorted((folder / OTHER).glob("*.json"))}}
+    results: Results = {"versions": None} | {name: read_json(folder / f"{name}.json") for name in names}
+    return results | {"other": {path.stem: read_json(path) for path in sorted((folder / OTHER).glob("*.json"))}}
 
 
 def read_json(path: Path) -> Results:
     """Returns the content of a file of results."""
-    found: Results = json.loads(path.read_text(encoding="utf-8"))
-    return found
+    data: Results = json.loads(path.read_text(encoding="utf-8"))
+    return data
 
 
 def fill(page: str, results: Results) -> tuple[str, list[str]]:

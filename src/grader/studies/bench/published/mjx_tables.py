@@ -23,9 +23,9 @@ def mjx(results: Results) -> Iterator[tuple[str, ...]]:
             *(f"{error:.1e}" for error in scene["64"]["mujoco"]),
             *("" for _ in batches.SIZES),
         )
-        for bits, one in scene.items():
-            costs = (times(cost, ".2g") if (cost := one["batches"].get(str(n))) else "-" for n in batches.SIZES)
-            yield describe_scene(name), f"float{bits}", *(f"{error:.1e}" for error in one["errors"]), *costs
+        for bits, entry in scene.items():
+            costs = (times(cost, ".2g") if (cost := entry["batches"].get(str(n))) else "-" for n in batches.SIZES)
+            yield describe_scene(name), f"float{bits}", *(f"{error:.1e}" for error in entry["errors"]), *costs
 
 
 @claim

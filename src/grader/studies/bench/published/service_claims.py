@@ -93,8 +93,8 @@ def script_waits(results: Results) -> str:
 @claim
 def second_worker(results: Results) -> str:
     """What a second worker brings, by how long scripts compute."""
-    found = {row["script"]: row for row in service_rows(results, "workers") if row["workers"] == 2}
-    long, right, empty = (found[script]["ratio"] for script in ("long", "reference", "empty"))
+    by_script = {row["script"]: row for row in service_rows(results, "workers") if row["workers"] == 2}
+    long, right, empty = (by_script[script]["ratio"] for script in ("long", "reference", "empty"))
     demand(long > right > empty > 1 and long > 1.8, [long, right, empty])
     return f"grades {long:.1f} times as many long scripts, {right:.1f} times as many reference solutions"
 
@@ -102,7 +102,7 @@ def second_worker(results: Results) -> str:
 @claim
 def one_worker(results: Results) -> str:
     """How many cores one worker keeps busy with short scripts: why a second one brings less."""
-    found = {row["script"]: row for row in service_rows(results, "workers") if row["workers"] == 1}
-    cores = [found[script]["cores"] for script in ("reference", "empty")]
+    by_script = {row["script"]: row for row in service_rows(results, "workers") if row["workers"] == 1}
+    cores = [by_script[script]["cores"] for script in ("reference", "empty")]
     demand(min(cores) > 1.05, cores)
     return f"One worker keeps {span(cores)} cores busy with short scripts"

@@ -67,26 +67,26 @@ def ratio(peer: Results | None, mujoco: Results | None) -> str:
     return "gets there, MuJoCo does not" if peer["ratio"] is None else times(peer, ".2g")
 
 
-def reset(found: Results | None) -> str:
+def reset(record: Results | None) -> str:
     """Returns the first warned run, and what its loop reads next."""
-    if found is None:
+    if record is None:
         return "never warned"
     return (
-        f"{found['warning']} at t = {found['warned_at_s']:.3g} s (h = {milliseconds(found['timestep_s'])}); "
-        f"then time reads {found['time_after_s']:.3g} s and qpos {found['qpos_after']}"
+        f"{record['warning']} at t = {record['warned_at_s']:.3g} s (h = {milliseconds(record['timestep_s'])}); "
+        f"then time reads {record['time_after_s']:.3g} s and qpos {record['qpos_after']}"
     )
 
 
 def machine(results: Results) -> str:
     """Machine and versions of every study."""
     lines = []
-    for name, one in results.items():
-        if not (one and "machine" in one):
+    for name, entry in results.items():
+        if not (entry and "machine" in entry):
             continue
-        versions = ", ".join(map(" ".join, one["versions"].items()))
+        versions = ", ".join(map(" ".join, entry["versions"].items()))
         lines.append(
-            f"- `{name}`: {'quick' if one['quick'] else 'whole'} run, {one['measurements']} measurements, "
-            "{processor}, {cores} cores, load {load_1min}; ".format(**one["machine"])
+            f"- `{name}`: {'quick' if entry['quick'] else 'whole'} run, {entry['measurements']} measurements, "
+            "{processor}, {cores} cores, load {load_1min}; ".format(**entry["machine"])
             + versions
         )
     return "\n".join(lines)
@@ -144,11 +144,11 @@ def peers(results: Results) -> Iterator[tuple[str, ...]]:
 def stability(results: Results) -> Iterator[tuple[str, ...]]:
     """Per map: what it cost, whether the full grid agrees, and how far closed form, radius and simulation are apart."""
     for chart, maps in results["stability"]["maps"].items():
-        for integrator, one in maps.items():
-            spectral, simulated = one["edges"]["spectral_to_closed"], one["edges"]["simulated_to_closed"]
+        for integrator, entry in maps.items():
+            spectral, simulated = entry["edges"]["spectral_to_closed"], entry["edges"]["simulated_to_closed"]
             yield (
-                *(chart, integrator, f"{one['evaluated']} of {one['points']} (x{one['saving']:.1f})"),
-                f"{one['disagreeing']} of {one['full_points']}",
+                *(chart, integrator, f"{entry['evaluated']} of {entry['points']} (x{entry['saving']:.1f})"),
+                f"{entry['disagreeing']} of {entry['full_points']}",
                 "no limit" if spectral is None else f"{spectral:.0e}",
                 "no limit" if simulated is None else f"{100 * simulated[0]:+.2f} to {100 * simulated[1]:+.1f} %",
             )
@@ -158,8 +158,8 @@ def stability(results: Results) -> Iterator[tuple[str, ...]]:
 def windows(results: Results) -> Iterator[tuple[str, ...]]:
     """Where `no warning` misleads."""
     for chart, kinds in results["stability"]["windows"].items():
-        for integrator, found in kinds.items():
-            for window in found:
+        for integrator, listed in kinds.items():
+            for window in listed:
                 share = window["share_of_unstable"]
                 shown = "-" if share is None else f"{100 * share:.1f} %"
                 span = " to ".join(map(milliseconds, window["timesteps_s"]))
@@ -171,9 +171,9 @@ def windows(results: Results) -> Iterator[tuple[str, ...]]:
 def cases(results: Results) -> Iterator[tuple[str, ...]]:
     """What collisions end in, and what the warning and reset do."""
     for case, kinds in results["stability"]["cases"].items():
-        for integrator, one in kinds.items():
-            shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in one["shares"].items() if share)
-            yield case, integrator, shares, reset(one["reset"])
+        for integrator, entry in kinds.items():
+            shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in entry["shares"].items() if share)
+            yield case, integrator, shares, reset(entry["reset"])
 
 
 @table("scene", *STAGES, "bitwise equal", "needed, so kept")
@@ -198,9 +198,9 @@ def flags(results: Results) -> Iterator[tuple[str, ...]]:
 @table("servo", "eigenvalue [1/s]", "Euler", "RK4", "implicit, implicitfast", "discrete")
 def regions(results: Results) -> Iterator[tuple[str, ...]]:
     """Yields the servos on the plane, and the largest stable timestep of each integrator."""
-    for name, one in results["regions"]["servos"].items():
-        limits = {kind: "no limit" if h is None else milliseconds(h) for kind, h in one["limits_s"].items()}
-        real, imaginary = one["eigenvalue"]
+    for name, servo in results["regions"]["servos"].items():
+        limits = {kind: "no limit" if h is None else milliseconds(h) for kind, h in servo["limits_s"].items()}
+        real, imaginary = servo["eigenvalue"]
         methods = ("Euler", "RK4", "implicit", "discrete")
         yield name, f"{real:.1f} + {imaginary:.1f}i", *(limits[kind] for kind in methods)
 
@@ -230,8 +230,8 @@ def adaptive(results: Results) -> Iterator[tuple[str, ...]]:
         fewest = (scene["mujoco"][error] for error in ADAPTIVE_ERRORS)
         cells = (run and f"{evaluations(run)}, {run['method']} {milliseconds(run['setting'])}" for run in fewest)
         yield describe_scene(name), "MuJoCo, fewest", *(cell or "-" for cell in cells)
-        for method, found in scene["adaptive"].items():
-            yield describe_scene(name), method, *(evaluations(found[error]) for error in ADAPTIVE_ERRORS)
+        for method, by_error in scene["adaptive"].items():
+            yield describe_scene(name), method, *(evaluations(by_error[error]) for error in ADAPTIVE_ERRORS)
 
 
 def evaluations(best: Results | None) -> str:
@@ -257,12 +257,12 @@ def pile(results: Results) -> Iterator[tuple[str, ...]]:
 )
 def models(results: Results) -> Iterator[tuple[str, ...]]:
     """What skipping saves on each model, and what a run costs beside its steps."""
-    for name, one in results["models"]["models"].items():
-        parts = [part for part in one["needed"] if part not in ("constraints", "islands")]
-        fixed = f"{one['fixed_us']:.1f} us", f"{one['reset_us']:.1f} us"
-        ratios = (times(one[name]) for name in ("skipping", "nstep", "recording"))
-        cells = (*ratios, *fixed, "yes" if one["bitwise"] else "NO")
-        yield describe_scene(name), str(one["degrees"]), ", ".join(parts) or "none", *cells
+    for name, model in results["models"]["models"].items():
+        parts = [part for part in model["needed"] if part not in ("constraints", "islands")]
+        fixed = f"{model['fixed_us']:.1f} us", f"{model['reset_us']:.1f} us"
+        ratios = (times(model[name]) for name in ("skipping", "nstep", "recording"))
+        cells = (*ratios, *fixed, "yes" if model["bitwise"] else "NO")
+        yield describe_scene(name), str(model["degrees"]), ", ".join(parts) or "none", *cells
 
 
 @table(

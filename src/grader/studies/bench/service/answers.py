@@ -111,9 +111,9 @@ def read_cpu_s(pid: int) -> float:
 
 def find_free_port() -> int:
     """Returns a free port on 127.0.0.1."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return int(listener.getsockname()[1])
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def compare_with_bare(backend: str, students: int, rounds: int, seconds: float) 
     service's CPU time of an answer over that of the route."""
     with ExitStack() as stack:
         served = {name: stack.enter_context(serve(name, backend, students)) for name in SERVERS}
-        bursts = [{name: one.measure_burst(seconds) for name, one in served.items()} for _ in range(rounds)]
+        bursts = [{name: server.measure_burst(seconds) for name, server in served.items()} for _ in range(rounds)]
     servers = [{"server": name} | summarise_bursts([burst[name] for burst in bursts]) for name in SERVERS]
     ratios = {}
     for commits in COMMITS:

@@ -110,11 +110,13 @@ class Rehearsal(Measurement):
         waits = simulate_queue([replace(arrival, service_s=service_s) for arrival in arrivals], CORES)
         simulated = [wait + service_s for wait in waits]
         greedy = np.array([arrival.learner == 0 for arrival in arrivals])
-        found: Record = {"scripts": len(arrivals), "processes": CORES, "load": LOAD, "service_s": service_s}
+        record: Record = {"scripts": len(arrivals), "processes": CORES, "load": LOAD, "service_s": service_s}
         for who, among in (("greedy", greedy), ("others", ~greedy)):
             for name, times in (("measured", measured), ("simulated", simulated)):
-                found |= {f"{who}_{name}_{key}": value for key, value in compute_shares(np.array(times)[among]).items()}
-        return found
+                record |= {
+                    f"{who}_{name}_{key}": value for key, value in compute_shares(np.array(times)[among]).items()
+                }
+        return record
 
 
 def draw_rehearsal(scripts: int, per_second: float) -> Iterator[Arrival]:
@@ -222,9 +224,9 @@ def draw(_records: Records, summary: Record) -> Figure:
     figure = Figure(figsize=(9, 3.4))
     panels = figure.subplots(1, len(summary["scripts"]))
     for axes, (name, script) in zip(panels, summary["scripts"].items(), strict=True):
-        for (cores, one), mark in zip(script["machines"].items(), "o^s", strict=True):
-            minutes = [place + 0.5 - len(one["by_minute_s"]) for place in range(len(one["by_minute_s"]))]
-            axes.plot(minutes, [wait / 60 for wait in one["by_minute_s"]], f"{mark}-", ms=4, label=f"{cores} cores")
+        for (cores, machine), mark in zip(script["machines"].items(), "o^s", strict=True):
+            minutes = [place + 0.5 - len(machine["by_minute_s"]) for place in range(len(machine["by_minute_s"]))]
+            axes.plot(minutes, [wait / 60 for wait in machine["by_minute_s"]], f"{mark}-", ms=4, label=f"{cores} cores")
         axes.set_title(f"{name}: {script['cpu_s']:.2g} s of CPU time a script")
         axes.set_xlabel("handed in [minutes from the deadline]")
         axes.set_ylabel("median wait [min]")

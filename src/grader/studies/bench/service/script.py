@@ -81,16 +81,16 @@ class Script(Measurement):
                 if number:  # the first meets cold caches
                     used_s += spent_s
                     rows.append(row)
-        found = {name: median(row[name] for row in rows) for name in rows[0]}
-        found["service"] = used_s / rounds - median(row["child"] + row["judge"] for row in rows)
+        seconds = {name: median(row[name] for row in rows) for name in rows[0]}
+        seconds["service"] = used_s / rounds - median(row["child"] + row["judge"] for row in rows)
         ratios = {}
         for name in ("whole", "child", "judge"):
             pairs = [row[name] / row["bare"] for row in rows]
             ratios[name] = [median(pairs), *compute_median_interval(pairs)]
-        ratios["service"] = [found["service"] / found["bare"]] * 3
+        ratios["service"] = [seconds["service"] / seconds["bare"]] * 3
         wait = median((row["whole"] - 1.5 * row["bare"]) / row["imported"] for row in rows)
         effort = {"scripts": rounds, "load_average": os.getloadavg()[0]}
-        return {"seconds": found, "ratios": ratios, "wait_in_imports": wait, **effort}
+        return {"seconds": seconds, "ratios": ratios, "wait_in_imports": wait, **effort}
 
     def rows(self, record: Record) -> list[Record]:
         """Returns one row: seconds and ratios by part."""

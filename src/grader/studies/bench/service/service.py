@@ -162,7 +162,7 @@ class Overhead(Measurement):
                 start = time.perf_counter()
                 times["jail, in a burst"] += pool.map(measure_overhead_s, [jail] * BURST)
                 rates.append(BURST / (time.perf_counter() - start))
-        runs = [{"run": name} | compute_percentiles(one) for name, one in times.items()]
+        runs = [{"run": name} | compute_percentiles(durations) for name, durations in times.items()]
         return {"per_second": float(np.median(rates)), "runs": runs}
 
     def rows(self, record: Record) -> list[Record]:

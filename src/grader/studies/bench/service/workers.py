@@ -61,8 +61,8 @@ class Workers(Measurement):
         for n in WORKER_COUNTS:
             rates, costs = zip(*(burst[n] for burst in bursts), strict=True)
             ratios = [burst[n][0] / burst[1][0] for burst in bursts]
-            found = {"per_second": rates, "ratio": ratios, "cores": np.multiply(rates, costs), "cpu_s": costs}
-            runs.append({"workers": n} | {name: float(np.median(values)) for name, values in found.items()})
+            measured = {"per_second": rates, "ratio": ratios, "cores": np.multiply(rates, costs), "cpu_s": costs}
+            runs.append({"workers": n} | {name: float(np.median(values)) for name, values in measured.items()})
         return {"machine_cores": os.cpu_count() or 1, "runs": runs}
 
     def rows(self, record: Record) -> list[Record]:
@@ -119,8 +119,8 @@ def list_family(pid: int) -> dict[int, list[str]]:
 
 def list_processes() -> dict[int, list[str]]:
     """The fields after the name in /proc/PID/stat of every process: 1 is its parent, 11 to 14 are CPU times [ticks]."""
-    found = {}
+    processes = {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):  # it has ended
-            found[int(stat.parent.name)] = stat.read_text().rpartition(")")[2].split()
-    return found
+            processes[int(stat.parent.name)] = stat.read_text().rpartition(")")[2].split()
+    return processes

@@ -130,8 +130,10 @@ def show(
 
 def list_rows(desk: Desk, session: Session, who: Identity, chosen: Chosen, after: str | None) -> tuple[list[Row], bool]:
     """Returns one answer more than a page has, beginning after the id `after`; and whether a name lifted pseudonyms."""
-    found, claims = find_answers(desk, session, who, chosen, after)
-    seen = hide_names(desk, session, who, found, submissions.read_verdicts(session, found), always=chosen.which != ALL)
+    answers, claims = find_answers(desk, session, who, chosen, after)
+    seen = hide_names(
+        desk, session, who, answers, submissions.read_verdicts(session, answers), always=chosen.which != ALL
+    )
     looked_up = chosen.which == ALL and bool(chosen.user and seen.names)  # who asks by name knows whose it is
     names, titles = {} if looked_up else seen.names, list_titles(desk.library)
     marks = make_marks(session, who.course)
@@ -143,7 +145,7 @@ def list_rows(desk: Desk, session: Session, who: Identity, chosen: Chosen, after
             titles,
             name_holder(claims.get(submission.id), who),
         )
-        for submission in found
+        for submission in answers
     ]
     return rows, looked_up
 

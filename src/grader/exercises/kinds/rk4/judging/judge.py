@@ -271,8 +271,8 @@ def judge_order(problem: Problem, truth: Truth, results: Results) -> Judgement[R
 def is_timestep_ignored(students: Sequence[Trajectory]) -> bool:
     """Whether the states after each step are the same in all runs, and change from step to step."""
     rows = min(map(len, students))
-    one, *others = (np.hstack([student.qpos[:rows], student.qvel[:rows]]) for student in students)
-    return rows > 1 and not np.all(one == one[0]) and all(np.array_equal(one, other) for other in others)
+    first, *others = (np.hstack([student.qpos[:rows], student.qvel[:rows]]) for student in students)
+    return rows > 1 and not np.all(first == first[0]) and all(np.array_equal(first, other) for other in others)
 
 
 def find_other_timestep(runs: Sequence[Run], students: Sequence[Trajectory]) -> tuple[float, float] | None:

@@ -279,12 +279,12 @@ def list_mutants() -> tuple[Mutant, ...]:
         list_call_mutants, list_whole_mutants, list_time_mutants, list_physics_mutants, list_stage_mutants,
         list_end_mutants,
     )  # fmt: skip
-    found: dict[Program, Mutant] = {}
+    mutants: dict[Program, Mutant] = {}
     for make in makers:
         for mutant in make():
-            found.setdefault(mutant.program, mutant)
-    found.pop(RIGHT, None)
-    return tuple(found.values())
+            mutants.setdefault(mutant.program, mutant)
+    mutants.pop(RIGHT, None)
+    return tuple(mutants.values())
 
 
 MUTANTS = list_mutants()

@@ -97,7 +97,7 @@ def find_match(trials: Sequence[TakenSteps], mutants: Sequence[Mutant] = MUTANTS
     for mutant in singles:
         if compared.takes(mutant.program):
             return Match((mutant,))
-    counts.sort(key=lambda one: -one[1])
+    counts.sort(key=lambda pair: -pair[1])
     further = [mutant for mutant, reached, _ in counts if reached > ahead]
     firsts = further or [mutant for mutant, _, _ in counts if "calls" in mutant.changes]
     pairs = list_pairs(firsts, mutants)

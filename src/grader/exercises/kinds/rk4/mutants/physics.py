@@ -14,9 +14,9 @@ from grader.exercises.kinds.rk4.rotations import build_turn, multiply
 
 def solve_mass_matrix(model: mujoco.MjModel, data: mujoco.MjData, force: Vector) -> Vector:
     """Returns the accelerations (nv,) of a generalised force (nv,)."""
-    found = np.zeros((1, model.nv))
-    mujoco.mj_solveM(model, data, found, np.asarray(force, dtype=np.float64).reshape(1, -1))
-    return np.array(found[0])
+    solution = np.zeros((1, model.nv))
+    mujoco.mj_solveM(model, data, solution, np.asarray(force, dtype=np.float64).reshape(1, -1))
+    return np.array(solution[0])
 
 
 AGAIN = "data.qacc holds it already, so integrate it as mj_forward leaves it"

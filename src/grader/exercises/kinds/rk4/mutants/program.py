@@ -162,9 +162,9 @@ def normalise(model: mujoco.MjModel, qpos: Vector) -> Vector:
     """Returns positions with quaternions of length 1: that is how mj_forward reads them."""
     if model.nq == model.nv:
         return qpos
-    found = np.array(qpos)
-    mujoco.mj_normalizeQuat(model, found)
-    return found
+    normalised = np.array(qpos)
+    mujoco.mj_normalizeQuat(model, normalised)
+    return normalised
 
 
 def take_step(program: Program, model: mujoco.MjModel, data: mujoco.MjData, call: Callable[[], None]) -> None:

@@ -169,6 +169,6 @@ def describe_power(used: Sequence[set[int]], rows: Combinations, slope: str, wha
             f"{spell_number(off).capitalize()} of the {spell_number(len(weights))} weighted slopes of the {what} "
             f"{'is' if off == 1 else 'are'} {how}: put parentheses around the whole sum, h/6 * (k1 + 2*k2 + 2*k3 + k4)."
         )
-    stage = next(index for index, one in enumerate(stages, 1) if one - {1})
+    stage = next(index for index, powers in enumerate(stages, 1) if powers - {1})
     how = "h twice" if 2 in used[stage - 1] else "a slope without h"
     return f"The {what} of your stage {stage} moves by {how}: a stage moves by a fraction of h, times a slope."

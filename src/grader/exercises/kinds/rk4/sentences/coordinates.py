@@ -70,8 +70,8 @@ def compare_row(reading: Reading, step: Step, row: int) -> tuple[Rows, Rows]:
     changes = step.qvel[row] - step.qvel[0]
     calls = slice(1, step.calls + 1)
     pairs = ((moves, weights @ step.qvel[calls]), (changes, weights @ step.qacc[calls]))
-    found = [np.abs(seen - step.timestep_s * due) <= ATOL * (1 + np.max(np.abs(seen))) for seen, due in pairs]
-    return found[0], found[1]
+    agreements = [np.abs(seen - step.timestep_s * due) <= ATOL * (1 + np.max(np.abs(seen))) for seen, due in pairs]
+    return agreements[0], agreements[1]
 
 
 def describe_coordinates(reading: Reading, row: int, what: str, wrong: Sequence[int]) -> str | None:

@@ -111,7 +111,7 @@ def explain_activations(reading: Reading) -> str | None:
 
 def explain_unreadable_activations(reading: Reading) -> str | None:
     """Returns the sentence of the first activations that are no combination of act_dot; None if all are."""
-    unknown = next((row for row, found in enumerate(reading.activations) if found is None), None)
+    unknown = next((row for row, activation in enumerate(reading.activations) if activation is None), None)
     if unknown is None:
         return None
     moves = np.any([np.any(step.act != step.act[0], axis=0) for step in reading.steps], axis=0)

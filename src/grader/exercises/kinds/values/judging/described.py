@@ -41,7 +41,7 @@ class DescribedProblem:
 
     def compute_expected(self, call: Call) -> tuple[Rows, ...]:
         """Returns the expected results."""
-        return next(right for one, right in zip(self.calls, self.expected, strict=True) if one is call)
+        return next(right for candidate, right in zip(self.calls, self.expected, strict=True) if candidate is call)
 
     def list_shapes(self, call: Call) -> list[tuple[int, ...] | None]:
         """Returns the shapes of the expected results."""

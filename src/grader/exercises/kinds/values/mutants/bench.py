@@ -51,14 +51,14 @@ def compute(tree: ast.Module, inputs: Mapping[str, Any]) -> Sequence[Any]:
     """Returns the results of every call, one after the other. Raises whatever the program does."""
     module: dict[str, Any] = {"__name__": "program"}
     exec(compile(ast.fix_missing_locations(tree), FILE, "exec"), module)  # noqa: S102 - in the jail
-    found: list[Any] = []
+    results: list[Any] = []
     for call in inputs["calls"]:
         model = names["compile_model"](call["model"])
         values = names["call_function"](module[inputs["entry"]], model, call, inputs["results"])
         if isinstance(values, str):
             raise TypeError(values)
-        found += values
-    return found
+        results += values
+    return results
 
 
 def run(student: object, inputs: Mapping[str, Any], submit: Callable[[str, Any], None]) -> None:

@@ -55,13 +55,13 @@ def make_edits(tree: ast.Module, functions: frozenset[str]) -> Iterator[Edit]:
 def find_functions(tree: ast.Module, entry: str) -> frozenset[str]:
     """Returns the names of a function and of those of the same file that it may call."""
     known = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
-    found, left = set[str](), [entry]
+    functions, left = set[str](), [entry]
     while left:
         name = left.pop()
-        if name in known and name not in found:
-            found.add(name)
+        if name in known and name not in functions:
+            functions.add(name)
             left += [node.id for node in ast.walk(known[name]) if isinstance(node, ast.Name)]
-    return frozenset(found)
+    return frozenset(functions)
 
 
 def edit_slots(parent: ast.AST) -> Iterator[Edit]:

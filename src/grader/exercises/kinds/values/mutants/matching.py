@@ -159,12 +159,12 @@ def name_edit(calls: Sequence[StudentCall], source: str, run: RunJob) -> Mistake
     """Returns the mistake of the edit of the author's program that gives the student's results in every call, with the
     line of the student's program whose edit of the same kind mends the visible ones; else the edit of the student's
     program that does. None if no edit does. Raises JailFault."""
-    found = find_shown_edit(calls, run)
+    edit = find_shown_edit(calls, run)
     visible = [call for call in calls if not call.hidden]
-    repair = find_repair(visible, source, run, ALIKE.get(found, [found]) if found else [])
-    if found:
+    repair = find_repair(visible, source, run, ALIKE.get(edit, [edit]) if edit else [])
+    if edit:
         return Mistake(
-            f"Your results are those of a right program with {MISTAKES[found]}", repair.line if repair else None
+            f"Your results are those of a right program with {MISTAKES[edit]}", repair.line if repair else None
         )
     if repair is None:
         return None
