@@ -115,8 +115,8 @@ def certify_choice(
         names = ", ".join(repr(options[i]) for i in right) or "no option"
         why = f"{names} came out right, not exactly one"
     else:
-        said = "as the key says" if answer == expected else f"but the key says {options[expected]!r}"
-        why = f"{options[answer]!r} came out right, {said}"
+        agreement = "as the key says" if answer == expected else f"but the key says {options[expected]!r}"
+        why = f"{options[answer]!r} came out right, {agreement}"
     if answer != expected:
         why += f"; measured: {format_measurements(measured)}"
     return Certificate("certified" if answer == expected else "refuted", why, method, answer, expected, measured)

@@ -181,9 +181,9 @@ def explain_hidden_slip(traces: Sequence[Trace]) -> str | None:
     first = next(iter(slips), None)
     if first is None or any(slip is None or slip.line != first.line for slip in slips):
         return None
-    said = f" ({first.message})" if first.message else ""
+    message = f" ({first.message})" if first.message else ""
     return (
-        f"Line {first.line} raised {add_article(first.type)}{said}, and the `except` in line {first.clause} hid it. "
+        f"Line {first.line} raised {add_article(first.type)}{message}, and the `except` in line {first.clause} hid it. "
         f"Mend line {first.line}, and catch nothing that you do not expect."
     )
 

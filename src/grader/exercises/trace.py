@@ -85,8 +85,8 @@ class Trace:
     @property
     def printed_text(self) -> str | None:
         """The beginning of what was printed, empty in a hidden trial; None if nothing was."""
-        said = next((note.info.get("text") for note in self.list_notes("printed")), None)
-        return said if isinstance(said, str) else None
+        printed = next((note.info.get("text") for note in self.list_notes("printed")), None)
+        return printed if isinstance(printed, str) else None
 
 
 NO_TRACE = Trace()

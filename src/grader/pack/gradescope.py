@@ -68,11 +68,11 @@ def build_scripts(quiz: str, question: ScriptQuestion, *, allow_t2: bool) -> lis
     values = {
         "QUIZ": quiz, "QUESTION": question.id, "SUFFIXES": suffixes, "GRADER_ALLOW_T2": str(allow_t2).lower()
     }  # fmt: skip
-    said = "".join(f"{name}={shlex.quote(value)}\n" for name, value in values.items())
+    text = "".join(f"{name}={shlex.quote(value)}\n" for name, value in values.items())
     members = [
         PackedFile(path.name, path.read_bytes(), EXECUTABLE) for path in sorted(SCRIPTS.iterdir()) if path.is_file()
     ]
-    return [*members, PackedFile("exercise.sh", said.encode())]
+    return [*members, PackedFile("exercise.sh", text.encode())]
 
 
 def build_content(library: Library, quiz: str, question: ScriptQuestion) -> list[PackedFile]:

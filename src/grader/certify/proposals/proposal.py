@@ -36,8 +36,10 @@ class Proposal:
         """Whether the key holds, in a sentence without the text to paste."""
         several = f"of {self.compared} quantities compared" if self.compared > 1 else "the one quantity compared"
         if self.holds:
-            said = "as the key says" if self.gives == self.says else f"and the key {self.says} is within its tolerance"
-            return f"the key holds: {self.what} is {self.gives}, {said} ({several}){self.caution}"
+            agreement = (
+                "as the key says" if self.gives == self.says else f"and the key {self.says} is within its tolerance"
+            )
+            return f"the key holds: {self.what} is {self.gives}, {agreement} ({several}){self.caution}"
         where = f"the nearest {several}" if self.compared > 1 else several
         return (
             f"the simulation gives {self.gives} where the key says {self.says} ({self.what}, {where}){self.caution}: "

@@ -75,26 +75,28 @@ class LearnerAccess:
         decision, used = self.decide(quiz.id, question.id), self.progress_at(quiz.id, question.id).used
         if decision.why_not is not None:
             return decision.why_not
-        said = []
+        sentences = []
         if decision.attempts_left is not None:
             of = decision.attempts_left + used
             attempts = "attempt" if of == 1 else "attempts"
-            said.append(f"{decision.attempts_left} of {of} {attempts} left; {COUNTS[self.policies[quiz.id].counts]}.")
+            sentences.append(
+                f"{decision.attempts_left} of {of} {attempts} left; {COUNTS[self.policies[quiz.id].counts]}."
+            )
         if decision.multiplier is not None and decision.multiplier < 1:
-            said.append(f"It is late: an answer now gets {decision.multiplier:.0%} of its points.")
-        return " ".join(said)
+            sentences.append(f"It is late: an answer now gets {decision.multiplier:.0%} of its points.")
+        return " ".join(sentences)
 
     def describe_dates(self, quiz: Quiz, question: Question) -> str:
         """Says until when answers are taken; empty where none is taken, or there is no date."""
         decision = self.decide(quiz.id, question.id)
         if decision.why_not is not None:
             return ""
-        said = []
+        sentences = []
         if decision.due is not None and (decision.multiplier is None or decision.multiplier >= 1):
-            said.append(f"Due on {format_moment(decision.due)}.")
+            sentences.append(f"Due on {format_moment(decision.due)}.")
         if decision.closes is not None and decision.closes != decision.due:
-            said.append(f"Answers are taken until {format_moment(decision.closes)}.")
-        return " ".join(said)
+            sentences.append(f"Answers are taken until {format_moment(decision.closes)}.")
+        return " ".join(sentences)
 
     def has_opened(self, quiz: str) -> bool:
         """Whether the user may read the questions of a quiz. Raises NotFound."""

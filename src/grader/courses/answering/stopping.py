@@ -51,8 +51,8 @@ def stop(database: Database, library: Library, who: Identity, submission_id: str
             with database.read() as session:
                 verdict = submissions.read_verdicts_by_id(session, [submission_id]).get(submission_id)
             if verdict is not None:
-                said = verdict["diagnosis"]
-                return str(said) if said in (STOPPED_RUNNING, STOPPED_LATE) else NOT_STOPPED
+                diagnosis = verdict["diagnosis"]
+                return str(diagnosis) if diagnosis in (STOPPED_RUNNING, STOPPED_LATE) else NOT_STOPPED
     return STOPPING
 
 

@@ -88,8 +88,8 @@ def name_family(sentence: str) -> Mistake:
 def drop_place(sentence: str) -> str:
     """Returns a sentence without where the mistake was made, and how many there are."""
     match = COUNTED.match(sentence) or PLACE.match(sentence)
-    said = sentence[match.end() :] if match else sentence
-    return said[:1].upper() + said[1:] if said.startswith(("your ", "each ")) else said
+    rest = sentence[match.end() :] if match else sentence
+    return rest[:1].upper() + rest[1:] if rest.startswith(("your ", "each ")) else rest
 
 
 def make_mistake(name: str, sentence: str) -> Mistake:
@@ -121,7 +121,7 @@ def group_mistakes(attempts: Mapping[str, Sequence[tuple[str, Mistake | None]]])
 def find_cure(sentence: str) -> str:
     """Returns what a sentence on a mistake says after its first clause: how it is mended. Empty where it ends there,
     and for an error, whose sentence is about the words of one script."""
-    said = drop_place(sentence)
-    match = None if OF_ONE_SCRIPT.search(sentence) else CLAUSE.search(said)
-    rest = "" if match is None else said[match.end() :].strip()
+    text = drop_place(sentence)
+    match = None if OF_ONE_SCRIPT.search(sentence) else CLAUSE.search(text)
+    rest = "" if match is None else text[match.end() :].strip()
     return rest[:1].upper() + rest[1:] if len(rest) > 1 else ""

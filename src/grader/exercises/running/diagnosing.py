@@ -43,7 +43,7 @@ def diagnose(
     failed case, else its message. The sentence beside it replaces its own where only the direction of an error may be
     told. `judged` are all trials with their messages, `whole` those that did not raise. Details are left out, so that
     the diagnosis does not depend on the seed."""
-    first, message = next(((trial, said) for trial, said in judged if not trial.counts), (None, ""))
+    first, message = next(((trial, sentence) for trial, sentence in judged if not trial.counts), (None, ""))
     if first is None:
         return None, None
     if first not in whole:

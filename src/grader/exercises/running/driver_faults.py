@@ -55,7 +55,7 @@ def read_unplaced(results: Results) -> str:
     """Returns the exception of a trial with its place in the driver; empty if there is none, or with a line of the
     script."""
     try:
-        said = json.loads(results["raised"].tobytes())
-        return "" if said["line"] is not None else f"{said['raised']}{said.get('place', '')}"
+        crash = json.loads(results["raised"].tobytes())
+        return "" if crash["line"] is not None else f"{crash['raised']}{crash.get('place', '')}"
     except (ValueError, KeyError, TypeError, RecursionError):
         return ""

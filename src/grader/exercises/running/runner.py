@@ -87,12 +87,12 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
         first = choose_message(judged[0])
         return build_failure(question, ends[0], first if len(visible) == 1 else f"{titles[0]}: {first}", findings)
     whole = [trial for trial, end in zip(judged, ends, strict=True) if not end]
-    said = [f"{title}: {choose_message(trial)}" for title, trial in zip(titles, judged, strict=True)]
+    sentences = [f"{title}: {choose_message(trial)}" for title, trial in zip(titles, judged, strict=True)]
     authored = partial(
         find_authored_sentence, kind, plan, [judgement for judgement, _ in outcomes], question.limits, run
     )
     mistake, direction = diagnose(
-        kind, plan.parameters, list(zip(judged, said, strict=True)), whole, run, find_authored=authored
+        kind, plan.parameters, list(zip(judged, sentences, strict=True)), whole, run, find_authored=authored
     )
     verdict = verdict_of(
         findings,

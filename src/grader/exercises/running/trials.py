@@ -80,8 +80,8 @@ def read_raised(results: Results, trial: AnyTrial) -> Judgement[Any] | None:
     if "raised" not in results:
         return None
     try:
-        said = json.loads(results["raised"].tobytes())
-        what, line = str(said["raised"])[:RAISED_CHARS_MAX], said["line"]
+        crash = json.loads(results["raised"].tobytes())
+        what, line = str(crash["raised"])[:RAISED_CHARS_MAX], crash["line"]
     except (ValueError, KeyError, TypeError, RecursionError):
         what, line = "", None
     if trial.hidden and not isinstance(vars(builtins).get(what), type):

@@ -231,5 +231,5 @@ def find_wrong_pile(at: ClassAt, axis: ClassAxis | None) -> tuple[int, str] | No
     if axis is None:
         return None
     wrong = Counter(round_position(position, FIGURES, axis) for position in at.list_wrong(axis))
-    said, count = max(wrong.items(), key=lambda pair: pair[1], default=("", 0))
-    return (count, said) if count > 1 else None
+    sentence, count = max(wrong.items(), key=lambda pair: pair[1], default=("", 0))
+    return (count, sentence) if count > 1 else None

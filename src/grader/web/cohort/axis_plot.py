@@ -112,15 +112,15 @@ def draw_class(
 
 def write_caption(dots: Sequence[Dot], axis: ClassAxis, *, has_arrows: bool) -> str:
     """Says what is to be seen, and what stands where it does not lie."""
-    said = "One dot is the newest answer of one learner: full where the exercise is solved, hollow where it is not."
+    caption = "One dot is the newest answer of one learner: full where the exercise is solved, hollow where it is not."
     low, high = choose_range([dot.position for dot in dots], axis)
     numbers = [dot.position.middle for dot in dots if not dot.position.is_none]
     if any(value > high or (value < low and not axis.is_log) for value in numbers):
-        said += " What lies further off stands at the ends."
+        caption += " What lies further off stands at the ends."
     if len(numbers) < len(dots):
-        said += f" At the right end, apart: {axis.none}."
-    said += f" {axis.note}" if axis.note else ""
-    return said + (" Arrows show how answers moved." if has_arrows else "")
+        caption += f" At the right end, apart: {axis.none}."
+    caption += f" {axis.note}" if axis.note else ""
+    return caption + (" Arrows show how answers moved." if has_arrows else "")
 
 
 def sort_key(dot: Dot) -> tuple[bool, float, str]:
@@ -224,13 +224,13 @@ def draw_band(canvas: Canvas) -> None:
         drawing.x_axis(across, base + BAND, unit, 8 if drawing.width > NARROW_BELOW else 4)
 
 
-def write_sides(canvas: Canvas, limit: float, said: tuple[str, str]) -> None:
+def write_sides(canvas: Canvas, limit: float, labels: tuple[str, str]) -> None:
     """Writes into the band what is on both sides of the limit, where there is room."""
     across, y = canvas.across, canvas.base + 15
-    if said[0] and limit - across.start > estimate_width(said[0]) + 12:
-        canvas.drawing.text(said[0], across.start + 6, y, "told halo")
-    if said[1] and across.end - limit > estimate_width(said[1]) + 12:
-        canvas.drawing.text(said[1], across.end - 6, y, "told halo", "end")
+    if labels[0] and limit - across.start > estimate_width(labels[0]) + 12:
+        canvas.drawing.text(labels[0], across.start + 6, y, "told halo")
+    if labels[1] and across.end - limit > estimate_width(labels[1]) + 12:
+        canvas.drawing.text(labels[1], across.end - 6, y, "told halo", "end")
 
 
 def write_whole_ticks(canvas: Canvas) -> None:
@@ -258,9 +258,9 @@ def draw_marks(canvas: Canvas) -> list[Box]:
         middle = min(max(x + (half if is_right_of else -half), half), drawing.width - half)
         taken += [Box(middle, half, 15, 32), Box(x, 0, 34, base)]
     if axis.limit is not None:
-        x, said = across.at(axis.limit), name_line(axis)
+        x, label = across.at(axis.limit), name_line(axis)
         drawing.line("limit", x, 18, x, base + BAND)
-        drawing.text(said, x - 6, 12, "name halo", "end" if x - estimate_width(said) > 0 else "start")
+        drawing.text(label, x - 6, 12, "name halo", "end" if x - estimate_width(label) > 0 else "start")
     return taken
 
 
@@ -296,8 +296,8 @@ def name_dot(dot: Dot, axis: ClassAxis) -> str:
     """Returns the name of a wrong answer."""
     if dot.position.is_none:
         return f"said: {axis.none}" if axis.is_limit else axis.none
-    said = describe_mistake(dot)
-    return write_position(dot.position, axis) if said == OTHER else said
+    mistake = describe_mistake(dot)
+    return write_position(dot.position, axis) if mistake == OTHER else mistake
 
 
 def write_dot(dot: Dot, axis: ClassAxis, at: tuple[float, float], radius: float, address: Address | None) -> str:
@@ -307,8 +307,8 @@ def write_dot(dot: Dot, axis: ClassAxis, at: tuple[float, float], radius: float,
     if address is None:
         return circle
     state = "solved" if dot.is_solved else "not solved"
-    said = escape(f"{dot.attempt.name}: {write_position(dot.position, axis)}, {state}")
-    return f'<a href="{escape(address(dot.attempt))}" aria-label="{said}"><title>{said}</title>{circle}</a>'
+    label = escape(f"{dot.attempt.name}: {write_position(dot.position, axis)}, {state}")
+    return f'<a href="{escape(address(dot.attempt))}" aria-label="{label}"><title>{label}</title>{circle}</a>'
 
 
 def list_moves(dots: Sequence[Dot], axis: ClassAxis, across: Axis) -> list[tuple[float, float]]:

@@ -45,16 +45,16 @@ def describe_right(axis: ClassAxis) -> str:
     value = axis.limit
     if value is None:
         return "here nothing is unstable" if axis.is_limit else "the right one is unknown"
-    said = write_value(value, axis)
+    amount = write_value(value, axis)
     if axis.is_whole:
         return f"{axis.line} are asked for"
     if axis.line == TOLERANCE:
-        return f"one {TOLERANCE} is allowed" if value == 1 else f"the {TOLERANCE} is {said}"
+        return f"one {TOLERANCE} is allowed" if value == 1 else f"the {TOLERANCE} is {amount}"
     if axis.is_limit:
-        return f"the limit is {said}"
+        return f"the limit is {amount}"
     if axis.is_at_most or axis.is_at_least:
-        return f"at {'most' if axis.is_at_most else 'least'} {said} is asked for"
-    return f"{said} is right"
+        return f"at {'most' if axis.is_at_most else 'least'} {amount} is asked for"
+    return f"{amount} is right"
 
 
 def describe_near(axis: ClassAxis) -> str:

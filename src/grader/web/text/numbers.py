@@ -86,8 +86,8 @@ def capitalize(text: str) -> str:
 
 def remark(text: str) -> Markup:
     """Returns a remark on content as it is shown: with a capital letter, and what stands between backticks as code."""
-    said = capitalize(keep_unbroken(text)) if text[:1].isalpha() else keep_unbroken(text)
-    return Markup(CODE.sub(r"<code>\1</code>", str(escape(said))))  # noqa: S704  # escaped
+    sentence = capitalize(keep_unbroken(text)) if text[:1].isalpha() else keep_unbroken(text)
+    return Markup(CODE.sub(r"<code>\1</code>", str(escape(sentence))))  # noqa: S704  # escaped
 
 
 def keep_unbroken(text: str) -> str:

@@ -132,15 +132,15 @@ def build_card(given: GivenAnswer) -> Card | None:
     titles = {finding["id"]: finding["title"] for finding in findings}
     diagnosis = verdict.get("diagnosis") or verdict.get("remark") or ""
     cases = {title.partition(": ")[0] for title in titles.values()}
-    said = capitalize(keep_unbroken(diagnosis)) if diagnosis.startswith(tuple(cases)) else keep_unbroken(diagnosis)
-    notes = (ended,) if ended else tuple(list_notes(columns, rows, said))
+    sentence = capitalize(keep_unbroken(diagnosis)) if diagnosis.startswith(tuple(cases)) else keep_unbroken(diagnosis)
+    notes = (ended,) if ended else tuple(list_notes(columns, rows, sentence))
     score = (
         f"{write_points(verdict['points'])} of {format_count(verdict['max_points'], 'point')}"
         if given.is_decided
         else ""
     )
     return Card(
-        given, given.badge, score, said,
+        given, given.badge, score, sentence,
         keep_unbroken(verdict.get("read_as") or ""), columns, tuple(row for row in rows if not row.passed),
         tuple(row for row in rows if row.passed), notes, tuple(cells),
         mark_script(given.text, verdict), read.read_one(evidence, "tableau", read.Tableau),

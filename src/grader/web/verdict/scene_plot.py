@@ -41,8 +41,8 @@ def plot_models(mine: Model, reference: Model | None, title: str, index: int) ->
         (name, str(at), geom.type, write_numbers(geom.size), write_numbers(geom.at))
         for name, model in shown for at, geom in enumerate(model.geoms)
     )  # fmt: skip
-    said = f"{title}: the model" if reference is None else f"{title}: both models"
-    return Sketch(f"model-{index}", said, caption, (head, *rows), lambda width: draw(panels, width))
+    heading = f"{title}: the model" if reference is None else f"{title}: both models"
+    return Sketch(f"model-{index}", heading, caption, (head, *rows), lambda width: draw(panels, width))
 
 
 def write_numbers(numbers: Sequence[float]) -> str:

@@ -123,9 +123,9 @@ class Drawing:
         """The mark where a run ends."""
         self.parts.append(f'<path class="cross" d="M{trim(x - 4)} {trim(y - 4)}l8 8m0 -8l-8 8"/>')
 
-    def text(self, said: str, x: float, y: float, kind: str = "", anchor: str = "start") -> None:
+    def text(self, text: str, x: float, y: float, kind: str = "", anchor: str = "start") -> None:
         """A label, kept within the picture by its estimated width."""
-        room = estimate_width(said)
+        room = estimate_width(text)
         if anchor == "start":
             x = max(0.0, min(x, self.width - room))
         elif anchor == "end":
@@ -134,7 +134,7 @@ class Drawing:
             x = min(max(x, room / 2), self.width - room / 2)
         where = "" if anchor == "start" else f' text-anchor="{anchor}"'
         named = f' class="{kind}"' if kind else ""
-        self.parts.append(f'<text{named} x="{trim(x)}" y="{trim(y)}"{where}>{escape(said)}</text>')
+        self.parts.append(f'<text{named} x="{trim(x)}" y="{trim(y)}"{where}>{escape(text)}</text>')
 
     def clipped(self, x: float, y: float, width: float, height: float, inner: "Drawing") -> None:
         """Adds what another drawing holds, cut off at a frame."""
@@ -149,8 +149,8 @@ class Drawing:
         for tick in ticks:
             x = axis.at(tick)
             self.line("axis", x, y, x, y + 4)
-            said = f"{axis.label(tick)} {unit}" if tick == ticks[-1] and unit else axis.label(tick)
-            self.text(said, x, y + 18, anchor="middle")
+            label = f"{axis.label(tick)} {unit}" if tick == ticks[-1] and unit else axis.label(tick)
+            self.text(label, x, y + 18, anchor="middle")
 
     def y_axis(self, axis: Axis, left: float, right: float, about: int = 4) -> None:
         """Grid lines from `left` to `right` with their values before them."""
@@ -178,9 +178,9 @@ class Sketch:
     draw: Callable[[float], Drawing]
 
 
-def estimate_width(said: str) -> float:
+def estimate_width(text: str) -> float:
     """Returns the estimated width of a label."""
-    return 6.9 * len(said)
+    return 6.9 * len(text)
 
 
 def format_path(lines: Sequence[Sequence[Point]]) -> str:

@@ -220,10 +220,10 @@ def compare_attempts(attempts: Sequence[GivenAnswer]) -> list[GivenAnswer]:
         attempt for attempt in attempts if attempt.verdict is None or attempt.verdict["status"] != Status.INVALID_ANSWER
     ]
     compared = [ComparedAttempt(attempt.attempt, attempt.verdict) for attempt in reversed(given) if attempt.verdict]
-    said = {
+    by_attempt = {
         comparison.attempt: describe_progress(compared[:index], comparison) for index, comparison in enumerate(compared)
     }
-    return [replace(attempt, progress=said.get(attempt.attempt, "")) for attempt in given]
+    return [replace(attempt, progress=by_attempt.get(attempt.attempt, "")) for attempt in given]
 
 
 def read_answers(session: Session, access: LearnerAccess, rows: Sequence[Submission]) -> list[GivenAnswer]:
@@ -258,14 +258,14 @@ def describe_regrade(before: Mark, after: Mark) -> str:
     """Says that a verdict replaced another; empty where the first one only left it to a person."""
     if before.status == Status.NEEDS_REVIEW or after.cause not in AGAIN:
         return ""
-    said = AGAIN[after.cause].format(when=format_moment(after.at))
+    opening = AGAIN[after.cause].format(when=format_moment(after.at))
     worth = f"of {write_points(after.max_points)}"
     if after.status == Status.NEEDS_REVIEW:
-        return f"{said}: an instructor will decide; before, it had {write_points(before.points)} {worth}."
+        return f"{opening}: an instructor will decide; before, it had {write_points(before.points)} {worth}."
     if (before.points, before.max_points) == (after.points, after.max_points):
-        return f"{said}: the points stay {write_points(after.points)} {worth}."
+        return f"{opening}: the points stay {write_points(after.points)} {worth}."
     earlier = f"of {write_points(before.max_points)}"
-    return f"{said}: {write_points(after.points)} {worth} now, {write_points(before.points)} {earlier} before."
+    return f"{opening}: {write_points(after.points)} {worth} now, {write_points(before.points)} {earlier} before."
 
 
 def read_in_full(row: Submission, verdict: Any | None) -> GivenAnswer:

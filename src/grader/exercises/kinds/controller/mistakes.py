@@ -167,7 +167,9 @@ def find_sentences(parameters: ControllerParameters, judged: Judged, record: Rec
         rough = fit_law(record, track=track, has_target=parameters.has_target, fits=ROUGH)
         if rough is not None and not rough.differentiates:  # a gain on changes makes up for one on values
             wrong_signs = [SIGN.format(name=name) for name in parameters.law]
-            yield from (said for said in find_wrong_gains(parameters, judged.problem, rough) if said in wrong_signs)
+            yield from (
+                sentence for sentence in find_wrong_gains(parameters, judged.problem, rough) if sentence in wrong_signs
+            )
     if limited > SATURATED:
         yield SATURATES
     if law is not None and not law.integral and rests_beside_target(record):

@@ -36,8 +36,8 @@ def read_answer(answer: bytes, nu: int) -> Floats | tuple[str, int | None]:
             return controls
     if answer[:1] == b"X":
         try:
-            said = json.loads(answer[1:])
-            return str(said["raised"])[:RAISED_CHARS_MAX], said["line"] if is_line(said["line"]) else None
+            crash = json.loads(answer[1:])
+            return str(crash["raised"])[:RAISED_CHARS_MAX], crash["line"] if is_line(crash["line"]) else None
         except (ValueError, KeyError, TypeError, RecursionError):
             pass
     raise MalformedAnswer

@@ -95,8 +95,8 @@ class Reference:
     def edit_each(self, change: Change, elements: Sequence[Element], sentence: str) -> Iterator[Variant]:
         """Yields the model with a change of each element alone; `{}` of the sentence becomes what it is called."""
         for element in elements:
-            said = sentence.format(self.label(element))
-            yield from self.edit(change, [element], said[0].upper() + said[1:])
+            filled = sentence.format(self.label(element))
+            yield from self.edit(change, [element], filled[0].upper() + filled[1:])
 
     def edit_both(self, change: Change, elements: Sequence[Element], sentence: str, each: str) -> Iterator[Variant]:
         """Yields the model with a change of all elements at once, and of each alone."""
@@ -123,8 +123,8 @@ def vary_angles(reference: Reference) -> Iterator[Variant]:
     as_degrees = 'is in degrees, and the compiler reads radians: convert it, or leave out angle="radian"'
     of_all = {True: "Every angle " + as_radians, False: "Every angle " + as_degrees}
     for factor in (pi / 180, 180 / pi):
-        said = of_all[factor < 1] + "."
-        yield from reference.edit(scale_angles(factor), reference.elements, said)
+        sentence = of_all[factor < 1] + "."
+        yield from reference.edit(scale_angles(factor), reference.elements, sentence)
         for element in reference.elements:
             for name in ("range", "ref", "springref", "euler", "axisangle"):
                 which = f"The {name} of {reference.label(element)} {as_radians if factor < 1 else as_degrees}."
@@ -145,18 +145,18 @@ def vary_options(reference: Reference) -> Iterator[Variant]:
     """Gravity and other options of the simulation."""
     options = reference.find("option")
     if not options or "gravity" not in options[0].attrib:
-        for value, said in (
+        for value, sentence in (
             ("0 0 0", "There is no gravity: leave out its option, and it is 9.81 m/s^2 downwards."),
             ("0 0 9.81", "Gravity points upwards: MuJoCo's z axis points up, so it is 0 0 -9.81."),
             ("0 -9.81 0", "Gravity acts along y: MuJoCo's z axis points up, so it is 0 0 -9.81."),
         ):
-            yield from reference.edit(put_into("option", "gravity", value), [reference.root], said)
+            yield from reference.edit(put_into("option", "gravity", value), [reference.root], sentence)
     elif options:
         yield from reference.edit(negate("gravity"), options, "Gravity points the other way.")
     for element in options:
         for name in element.attrib:
-            said = f"The option {name} is missing, so that MuJoCo's default holds."
-            yield from reference.edit(drop(name), [element], said)
+            sentence = f"The option {name} is missing, so that MuJoCo's default holds."
+            yield from reference.edit(drop(name), [element], sentence)
     yield from reference.edit(multiply("timestep", 1000), options, "The timestep is in milliseconds: MuJoCo's is in s.")
     for element in reference.find("flag"):
         for name in element.attrib:
@@ -167,16 +167,18 @@ def vary_joints(reference: Reference) -> Iterator[Variant]:
     """Axes, places and limits of joints."""
     joints = reference.find("joint")
     for axis in ("x", "y", "z"):
-        said = f"The axis of {{}} is wrong: it is the {axis} axis of its body."
-        yield from reference.edit_each(change_axis(axis), joints, said)
+        sentence = f"The axis of {{}} is wrong: it is the {axis} axis of its body."
+        yield from reference.edit_each(change_axis(axis), joints, sentence)
     yield from reference.edit_each(
         change_axis("-"), joints, "The axis of {} points the other way: its sense of turning is wrong."
     )
     for joint in joints:
         body = reference.parents.get(joint)
         if body is not None and body.tag == "body" and "pos" in body.attrib:
-            said = f"The pos of {reference.label(joint)} is that of its body: it is relative to the body that it is in."
-            yield from reference.edit(put("pos", body.get("pos", "")), [joint], said)
+            sentence = (
+                f"The pos of {reference.label(joint)} is that of its body: it is relative to the body that it is in."
+            )
+            yield from reference.edit(put("pos", body.get("pos", "")), [joint], sentence)
     yield from reference.edit_each(
         put("limited", "false", beside="range"), joints,
         "The range of {} is not in force: nothing limits it. Leave out limited=\"false\".",
@@ -184,8 +186,8 @@ def vary_joints(reference: Reference) -> Iterator[Variant]:
     yield from reference.edit_each(swap_ends("range"), joints, "The range of {} has the wrong signs.")
     for kind, other in (("hinge", "slide"), ("slide", "hinge")):
         some = [element for element in joints if element.get("type", "hinge") == kind]
-        said = f"The joint {{}} is a {other}, where a {kind} was asked for.".replace("joint the joint", "joint")
-        yield from reference.edit_each(put("type", other), some, said.replace("The joint {}", "{}"))
+        sentence = f"The joint {{}} is a {other}, where a {kind} was asked for.".replace("joint the joint", "joint")
+        yield from reference.edit_each(put("type", other), some, sentence.replace("The joint {}", "{}"))
 
 
 def vary_masses(reference: Reference) -> Iterator[Variant]:
@@ -200,8 +202,8 @@ def vary_masses(reference: Reference) -> Iterator[Variant]:
         some = [element for element in body if element.tag == "geom" and "mass" in element.attrib]
         total = sum(float(element.get("mass", "0")) for element in some)
         if len(some) > 1:
-            said = f"Each geom of {reference.label(body)} has the mass of the whole body: they add up."
-            yield from reference.edit(put("mass", repr(total)), some, said)
+            sentence = f"Each geom of {reference.label(body)} has the mass of the whole body: they add up."
+            yield from reference.edit(put("mass", repr(total)), some, sentence)
     yield from reference.edit_both(
         multiply("mass", 1000), heavy, "Every mass is in grams: MuJoCo's unit is the kilogram.",
         "The mass of {} is in grams: MuJoCo's unit is the kilogram.",
@@ -221,11 +223,11 @@ def vary_masses(reference: Reference) -> Iterator[Variant]:
         body = reference.parents[inertial]
         geom = next((each for each in body if each.tag == "geom"), None)
         if geom is not None:
-            said = f"The mass of {reference.label(body)} is given to its geom, whose inertia is that of its shape."
+            sentence = f"The mass of {reference.label(body)} is given to its geom, whose inertia is that of its shape."
             change = do_either("inertial", hide, put("mass", inertial.get("mass", "0")))
-            yield from reference.edit(change, [inertial, geom], said)
-        said = "The inertial is missing, so that mass and inertia come from the geoms."
-        yield from reference.edit(hide, [inertial], said)
+            yield from reference.edit(change, [inertial, geom], sentence)
+        sentence = "The inertial is missing, so that mass and inertia come from the geoms."
+        yield from reference.edit(hide, [inertial], sentence)
 
 
 def vary_sizes(reference: Reference) -> Iterator[Variant]:
@@ -238,11 +240,11 @@ def vary_sizes(reference: Reference) -> Iterator[Variant]:
     for at, what in ((0, "radius"), (1, "half length")):
         full = "diameter" if at == 0 else "full length"
         some = [geom for geom in geoms if len(geom.get("size", "").split()) > at and geom.get("type") != "box"]
-        for factor, said in (
+        for factor, sentence in (
             (2, f"The size of {{}} has the {full} in place of the {what}."),
             (0.5, f"The size of {{}} has half of the {what} that was asked for."),
         ):
-            yield from reference.edit_each(multiply("size", factor, at), some, said)
+            yield from reference.edit_each(multiply("size", factor, at), some, sentence)
     yield from reference.edit_each(multiply("size", 0.5), geoms, "The size of {} is half of what was asked for.")
     yield from reference.edit(
         do_all([multiply(name, 1000) for name in LENGTHS]), reference.elements,
@@ -250,8 +252,8 @@ def vary_sizes(reference: Reference) -> Iterator[Variant]:
     )  # fmt: skip
     for name in LENGTHS:
         some = [element for element in reference.elements if name in element.attrib]
-        said = f"The {name} of {{}} is in millimetres: MuJoCo's unit is the metre."
-        yield from reference.edit_each(multiply(name, 1000), some, said)
+        sentence = f"The {name} of {{}} is in millimetres: MuJoCo's unit is the metre."
+        yield from reference.edit_each(multiply(name, 1000), some, sentence)
 
 
 def vary_actuators(reference: Reference) -> Iterator[Variant]:
@@ -262,10 +264,10 @@ def vary_actuators(reference: Reference) -> Iterator[Variant]:
         actuators,
         "{} acts the other way: the sign of its gear is wrong.",
     )
-    for factor, said in ((10, "ten times"), (0.1, "a tenth of"), (2, "twice"), (0.5, "half of")):
+    for factor, text in ((10, "ten times"), (0.1, "a tenth of"), (2, "twice"), (0.5, "half of")):
         for name in ("gear", "kp", "kv"):
             yield from reference.edit_each(
-                multiply(name, factor), actuators, f"The {name} of {{}} is {said} what was asked for."
+                multiply(name, factor), actuators, f"The {name} of {{}} is {text} what was asked for."
             )
     for tag in ("motor", "position", "velocity"):
         others = [
@@ -274,8 +276,8 @@ def vary_actuators(reference: Reference) -> Iterator[Variant]:
             if actuator.tag in ("motor", "position", "velocity") and actuator.tag != tag
         ]
         for element in others:
-            said = f"{reference.label(element)} is a <{tag}>, where a <{element.tag}> was asked for."
-            yield from reference.edit(become(tag), [element], said[0].upper() + said[1:])
+            text = f"{reference.label(element)} is a <{tag}>, where a <{element.tag}> was asked for."
+            yield from reference.edit(become(tag), [element], text[0].upper() + text[1:])
     yield from reference.edit_each(
         put("ctrllimited", "false", beside="ctrlrange"), actuators,
         "The ctrlrange of {} is not in force. Leave out ctrllimited=\"false\".",
@@ -294,8 +296,8 @@ def vary_missing(reference: Reference) -> Iterator[Variant]:
             drop(name), some, f"The {name} is missing everywhere{advice}.", f"The {name} of {{}} is missing{advice}."
         )
     for element in reference.find("joint", "freejoint", "exclude", "connect", "weld", "fixed"):
-        said = f"{reference.label(element)} is missing."
-        yield from reference.edit(hide, [element], said[0].upper() + said[1:])
+        sentence = f"{reference.label(element)} is missing."
+        yield from reference.edit(hide, [element], sentence[0].upper() + sentence[1:])
 
 
 def vary_tree(reference: Reference) -> Iterator[Variant]:
@@ -305,14 +307,14 @@ def vary_tree(reference: Reference) -> Iterator[Variant]:
         if parent.tag != "body":
             continue
         label, above = reference.label(body), reference.label(parent)
-        said = f"{label[0].upper()}{label[1:]} does not hang on {above}: write it inside that one's element."
+        sentence = f"{label[0].upper()}{label[1:]} does not hang on {above}: write it inside that one's element."
         for by in ([0.0, 0.0, 0.0], read(parent.get("pos", "0 0 0"))):
-            yield Variant(reference.move_up(body, by), said, "body", body.get("name", ""))
+            yield Variant(reference.move_up(body, by), sentence, "body", body.get("name", ""))
         by = read(parent.get("pos", "0 0 0"))
-        said = "The pos of {} is given in the world: MuJoCo's is relative to the parent body."
+        sentence = "The pos of {} is given in the world: MuJoCo's is relative to the parent body."
         yield from reference.edit_each(
             shift("pos", by),
-            [body], said,
+            [body], sentence,
         )  # fmt: skip
 
 
@@ -320,6 +322,6 @@ def vary_shapes(reference: Reference) -> Iterator[Variant]:
     """Geoms of another type."""
     for element in reference.find("geom"):
         for kind in SHAPES - {element.get("type", "sphere")}:
-            said = f"The geom is a {kind}, where a {element.get('type', 'sphere')} was asked for."
-            said = said.replace("The geom", reference.label(element)[0].upper() + reference.label(element)[1:])
-            yield from reference.edit(put("type", kind), [element], said)
+            sentence = f"The geom is a {kind}, where a {element.get('type', 'sphere')} was asked for."
+            sentence = sentence.replace("The geom", reference.label(element)[0].upper() + reference.label(element)[1:])
+            yield from reference.edit(put("type", kind), [element], sentence)

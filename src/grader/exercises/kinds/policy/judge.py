@@ -56,8 +56,8 @@ def judge_policy(parameters: PolicyParameters, trial: Trial[Problem], results: R
 
 def read_refusal(results: Results) -> str:
     """Returns the driver's sentence on a file that it could not read."""
-    said = results.get("refused")
-    if said is None or said.dtype.kind != "u" or said.size > REFUSAL_CHARS_MAX:
+    refusal = results.get("refused")
+    if refusal is None or refusal.dtype.kind != "u" or refusal.size > REFUSAL_CHARS_MAX:
         return NOTHING_READ
-    text = said.tobytes().decode("utf-8", "replace")
+    text = refusal.tobytes().decode("utf-8", "replace")
     return text if text.isprintable() and text.strip() else NOTHING_READ

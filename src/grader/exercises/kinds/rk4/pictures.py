@@ -71,16 +71,18 @@ def describe_right_step(visible: Sequence[Rk4Outcome]) -> str:
     """Returns sentences on the visible runs of a right step: how far it is from MuJoCo's, and its order."""
     run = next((outcome for outcome in visible if isinstance(outcome, RunOutcome)), None)
     order = next((outcome for outcome in visible if isinstance(outcome, OrderOutcome)), None)
-    said = []
+    sentences = []
     if run is not None and run.agrees:
         same = (
             "bit for bit that of MuJoCo's RK4"
             if run.difference.worst == 0
             else (f"within {run.difference.worst:.1g} of MuJoCo's RK4")
         )
-        said.append(f"After {run.run.steps} steps your state is {same}.")
+        sentences.append(f"After {run.run.steps} steps your state is {same}.")
     elif run is not None:
-        said.append("Your step is not MuJoCo's own, and as near to the exact motion as a method of fourth order is.")
+        sentences.append(
+            "Your step is not MuJoCo's own, and as near to the exact motion as a method of fourth order is."
+        )
     if order is not None and order.slope is not None:
-        said.append(f"Your error shrinks with order {order.slope:.2f}.")
-    return " ".join(said)
+        sentences.append(f"Your error shrinks with order {order.slope:.2f}.")
+    return " ".join(sentences)

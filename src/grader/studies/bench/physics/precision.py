@@ -316,12 +316,12 @@ def draw_settings(records: Records, summary: Record) -> Figure:
         draw_axes(axes, summary["scenes"][name], describe_scene(name))
     last.axis("off")
     last.legend(*panels[0].get_legend_handles_labels(), loc="upper left", frameon=False)
-    said = (
+    text = (
         f"{HORIZON_S:g} s simulated, timesteps 16 ms to 31 us by halves\n"
         f"MuJoCo {summary['versions']['mujoco']}, {summary['machine']['processor']}\n"
         "A setting that warned has no point."
     )
-    last.text(0.02, 0.02, said, transform=last.transAxes, fontsize=8)
+    last.text(0.02, 0.02, text, transform=last.transAxes, fontsize=8)
     return figure
 
 

@@ -188,8 +188,8 @@ def draw_points(axes: Any, records: Records, grown: bool, marker: str) -> None:
         drawn = [rect(p["radius"], radians(key.angle)) for p in record["points"] if p["grows"] is grown]
         colour = COLOURS[key.integrator]
         axes.plot([z.real for z in drawn], [z.imag for z in drawn], marker, color=colour, ms=3.5, mfc="none", mew=0.8)
-    said = "simulated: grows" if grown else "simulated: does not grow"
-    axes.plot([], [], marker, color="#555555", ms=3.5, mfc="none", label=said)
+    label = "simulated: grows" if grown else "simulated: does not grow"
+    axes.plot([], [], marker, color="#555555", ms=3.5, mfc="none", label=label)
 
 
 STUDY = Study("regions", plan, summarise, {"regions": draw})

@@ -31,8 +31,8 @@ def list_ratios(results: Any, path: str = "") -> Iterator[tuple[str, Results]]:
         yield from list_ratios(entry, f"{path}{name}, ")
     for number, entry in enumerate(results if isinstance(results, list) else ()):
         if isinstance(entry, dict) and "ratio" in entry:
-            said = ", ".join(str(entry[name]) for name in NAMING if name in entry)
-            yield f"{path}{said or number}", entry
+            label = ", ".join(str(entry[name]) for name in NAMING if name in entry)
+            yield f"{path}{label or number}", entry
 
 
 def list_others(results: Any, path: str = "") -> Iterator[tuple[str, float]]:

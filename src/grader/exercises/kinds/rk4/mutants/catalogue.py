@@ -178,11 +178,11 @@ def list_end_mutants() -> Iterator[Mutant]:
     """Yields the steps that end in another way."""
     for weights, divisor in WRONG_SUMS:
         row = tuple(weight / divisor for weight in weights)
-        said = f"{', '.join(map(str, weights))} over {divisor:g}"
+        fraction = f"{', '.join(map(str, weights))} over {divisor:g}"
         for parts in ("qva", *PARTS):
             what = "slopes" if len(parts) > 1 else PARTS[parts]
             yield Mutant(
-                f"The weights of your {what} are {said}: they should be 1, 2, 2, 1 over 6.",
+                f"The weights of your {what} are {fraction}: they should be 1, 2, 2, 1 over 6.",
                 {f"weights_{part}": row for part in parts},
                 ("end", {"q": "qpos", "v": "qvel", "a": "act"}[parts[0]]), is_tableau=True
             )  # fmt: skip

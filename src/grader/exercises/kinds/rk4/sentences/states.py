@@ -381,14 +381,16 @@ def describe_unreadable_row(row: int, unknown: Sequence[str], calls: int) -> str
             "data.qacc as the slope of the velocities, and nothing else."
         )
     where = f"in your stage {row + 1}" if row < calls else "at the end of your step"
-    said = f"The {' and '.join(unknown)} {where} are not those at the start of the step plus multiples of h times your"
+    opening = (
+        f"The {' and '.join(unknown)} {where} are not those at the start of the step plus multiples of h times your"
+    )
     if calls < STAGES:
         times = "once" if calls == 1 else f"{spell_number(calls)} times"
-        return f"{said} slopes. You call mj_forward {times}; use four slopes of this step, and none of the last one."
+        return f"{opening} slopes. You call mj_forward {times}; use four slopes of this step, and none of the last one."
     if calls > STAGES:
         return (
-            f"{said} slopes. You call mj_forward {spell_number(calls)} times in a step; the classical step calls it "
+            f"{opening} slopes. You call mj_forward {spell_number(calls)} times in a step; the classical step calls it "
             "four times, once for each slope."
         )
     until = f" Your stages up to {row} can be read." if row > 1 else ""
-    return f"{said} slopes.{until} Print that state, and compare it with the formula by hand."
+    return f"{opening} slopes.{until} Print that state, and compare it with the formula by hand."

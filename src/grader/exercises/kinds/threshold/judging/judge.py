@@ -121,8 +121,8 @@ def read_claim(results: Results) -> Claim:
     is_claim = values is not None and values.dtype == np.float64 and values.shape in ((0,), (1,), (2,))
     if not is_claim or not np.isfinite(values).all():
         text: Any = results.get("other")
-        said = text.tobytes() if text is not None and text.dtype == np.uint8 else b""
-        return Unreadable(said.decode(errors="replace")[:200])
+        written = text.tobytes() if text is not None and text.dtype == np.uint8 else b""
+        return Unreadable(written.decode(errors="replace")[:200])
     if values.size == 0:
         return NoLimit()
     if values.size == 1:
