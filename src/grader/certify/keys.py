@@ -104,7 +104,7 @@ def propose_for_key(
         propose,
         text_of=library.text,
         write=lambda proposal: {} if proposal is None else asdict(proposal),
-        read=lambda kept: Proposal(**kept) if kept else None,
+        read=lambda stored: Proposal(**stored) if stored else None,
     )
 
 
@@ -132,9 +132,9 @@ def write_certificate(certificate: Certificate | None) -> dict[str, Any] | None:
     return asdict(certificate) if certificate.ok else None
 
 
-def read_certificate(kept: dict[str, Any]) -> Certificate | None:
+def read_certificate(stored: dict[str, Any]) -> Certificate | None:
     """Returns the certificate of this JSON."""
-    return None if not kept else Certificate(**kept | {"remarks": tuple(kept["remarks"])})
+    return None if not stored else Certificate(**stored | {"remarks": tuple(stored["remarks"])})
 
 
 def bound_luck(library: Library, question: Question, passed: PassedChecks = NOTHING_PASSED) -> Luck:
@@ -145,7 +145,7 @@ def bound_luck(library: Library, question: Question, passed: PassedChecks = NOTH
         lambda text_of: estimate_luck(question, library.model_xml, text_of),
         text_of=library.text,
         write=lambda luck: asdict(luck) if luck.why is None else None,
-        read=lambda kept: Luck(**kept),
+        read=lambda stored: Luck(**stored),
     )
 
 

@@ -114,18 +114,18 @@ def grade_notebook(
     with open_pipeline(library) as opened:
         pipeline = opened if key is None else replace(opened, secret=key.read_bytes())
         for path in notebooks:
-            told = dict.fromkeys(("points", "max_points", "status", "message"))
+            summary = dict.fromkeys(("points", "max_points", "status", "message"))
             try:
                 source = assemble_script([find_cell(read_notebook(path), cell)])
                 submission = pipeline.read(quiz, question, {"source": source})
                 verdict = report_verdict(pipeline.judge_with_retries(submission), submission.question)
-                told["message"] = verdict.diagnosis
+                summary["message"] = verdict.diagnosis
                 if verdict.status is not Status.GRADER_FAULT:
-                    told |= verdict.model_dump(mode="json", include={"points", "max_points", "status"})
+                    summary |= verdict.model_dump(mode="json", include={"points", "max_points", "status"})
             except (OSError, CallerError, InvalidAnswer) as error:
-                told["message"] = str(error)
-            code = FAULT if told["status"] is None else code
-            print(json.dumps({"notebook": str(path), **told}, ensure_ascii=False), flush=True)
+                summary["message"] = str(error)
+            code = FAULT if summary["status"] is None else code
+            print(json.dumps({"notebook": str(path), **summary}, ensure_ascii=False), flush=True)
     sys.exit(code)
 
 

@@ -80,9 +80,9 @@ class Program:
         why = "nested too deep" if isinstance(error, RecursionError) else str(error)
         if isinstance(error, mujoco.FatalError):
             why = f"MuJoCo: {error}"
-        made = LabError(self.where, self.source.placed(point, why))
-        made.__cause__ = error
-        return made
+        failure = LabError(self.where, self.source.placed(point, why))
+        failure.__cause__ = error
+        return failure
 
 
 @lru_cache(maxsize=COMPILED_MAX)

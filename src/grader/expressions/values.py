@@ -65,10 +65,10 @@ class Vector:
 
     def like(self, values: list["Value"]) -> "Vector":
         """Returns a new typed array of the same type."""
-        made = Vector(np.empty(len(values), np.asarray(self.view).dtype))
+        vector = Vector(np.empty(len(values), np.asarray(self.view).dtype))
         for i, value in enumerate(values):
-            made[i] = value
-        return made
+            vector[i] = value
+        return vector
 
 
 class Record(dict[str, Any]):

@@ -36,8 +36,8 @@ class RequestsMiddleware:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        given = Headers(scope=scope).get("x-request-id", "")
-        request_id = given if REQUEST_ID.fullmatch(given) else f"{getrandbits(128):032x}"
+        sent = Headers(scope=scope).get("x-request-id", "")
+        request_id = sent if REQUEST_ID.fullmatch(sent) else f"{getrandbits(128):032x}"
         response = NamedResponse(scope, send, request_id)
         structlog.contextvars.bind_contextvars(request_id=request_id)  # the context is the request's own
         try:

@@ -278,7 +278,7 @@ class ContentCheck:
             grade,
             text_of=self.library.text,
             write=lambda outcomes: None if [*list_mismatches(reference, outcomes)] else [*map(vars, outcomes.values())],
-            read=lambda kept: dict(zip(seeds, (ReferenceOutcome(**fields) for fields in kept), strict=True)),
+            read=lambda stored: dict(zip(seeds, (ReferenceOutcome(**fields) for fields in stored), strict=True)),
         )
 
 

@@ -68,17 +68,17 @@ def drop_magics(source: str) -> str:
         if cell_magic[1] not in PYTHON_CELLS:
             return ""
         source = source[cell_magic.end() :]
-    kept, at, depth, is_start = list[str](), 0, 0, True
+    parts, at, depth, is_start = list[str](), 0, 0, True
     while at < len(source):
         magic = MAGIC.match(source, at) if is_start else None
         if magic is not None:
-            kept.append(f"{magic[1]}pass")
+            parts.append(f"{magic[1]}pass")
             at, is_start = magic.end(), False
             continue
         token = TOKEN.match(source, at)
         assert token is not None
-        kept.append(token[0])
+        parts.append(token[0])
         depth = max(0, depth + (token[0] in "([{") - (token[0] in ")]}"))
         is_start = token[0] == "\n" and depth == 0
         at = token.end()
-    return "".join(kept)
+    return "".join(parts)

@@ -200,8 +200,8 @@ class Pipeline:
         ScriptStopped where the jail does. While a script runs, `tell` is called with the number of the case it is at,
         and the number of cases. An instant answer that was given before gets the verdict that was made then."""
         at = submission.digest, None if submission.source is not None else submission.seed
-        if (kept := self._kept.get(at)) is not None:
-            return kept
+        if (earlier := self._kept.get(at)) is not None:
+            return earlier
         verdict = self._judge(submission, tell)
         if submission.is_instant and len(submission.text) <= KEPT_CHARACTERS and verdict.status in JUDGED:
             if len(self._kept) >= KEPT_VERDICTS:

@@ -86,9 +86,9 @@ class _Compiler:
             "set": None if path is None else f"{path} = value",
             "param": None if parameter is None else f"ctx.{parameter} = value",
         }
-        given = {key: text for key, text in texts.items() if text is not None}
-        self.demand(given, place, "changes nothing: give it set, apply or param")
-        return tuple(self.program(f"{place}.{key}", text, "statement") for key, text in given.items())
+        actions = {key: text for key, text in texts.items() if text is not None}
+        self.demand(actions, place, "changes nothing: give it set, apply or param")
+        return tuple(self.program(f"{place}.{key}", text, "statement") for key, text in actions.items())
 
     def shown(self, config: LabConfig) -> tuple[Program, ...]:
         texts = {f"readouts.{i}.expr": readout.expr for i, readout in enumerate(config.readouts)}
@@ -140,7 +140,7 @@ def compile_lab(config: LabConfig, where: str = "lab") -> LabPrograms:
 def _compile(lab: _Lab, where: str) -> LabPrograms:
     config, c = lab.config, _Compiler(where)
     controls = [(f"controls.{i}", control) for i, control in enumerate(config.controls)]
-    made = LabPrograms(
+    programs = LabPrograms(
         setup=c.program("setup", config.setup or "", "statement"),
         setters=tuple(
             (control, c.setter(place, control)) for place, control in controls if not isinstance(control, Button)
@@ -160,4 +160,4 @@ def _compile(lab: _Lab, where: str) -> LabPrograms:
     )
     if c.faults:
         raise ContentError(c.faults)
-    return made
+    return programs

@@ -221,7 +221,7 @@ def _keep(loading: _Loading, quiz: Quiz, file: str, raw: dict[str, Any]) -> None
             lambda _: [fault for key, part in name_parts(raw) for fault in prose_warnings(part, file, key)],
             text_of=partial(_read_into, {}, loading.root),
             write=lambda remarks: [asdict(remark) for remark in remarks],
-            read=lambda kept: [Fault(**remark) for remark in kept],
+            read=lambda stored: [Fault(**remark) for remark in stored],
         )
     )
     loading.warnings.extend((*question_warnings(quiz, file), *lab_warnings(quiz, file)))

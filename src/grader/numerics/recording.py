@@ -63,8 +63,8 @@ def count_completed(times_s: NDArray[np.float64], warned: bool, timestep_s: floa
     now = times_s[first]
     if times_s[first + 1] < now:
         return first
-    told = first > 0 and now != timestep_s and now + timestep_s > now
-    return first - 1 if told else None
+    is_certain = first > 0 and now != timestep_s and now + timestep_s > now
+    return first - 1 if is_certain else None
 
 
 def find_inputs(model: mujoco.MjModel, data: mujoco.MjData) -> int:

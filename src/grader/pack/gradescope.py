@@ -107,8 +107,8 @@ def build_wheels(kind: str) -> list[PackedFile]:
         assert point.dist is not None
         packages.setdefault(point.dist.name, point.module.partition(".")[0])
     with TemporaryDirectory(prefix="grader-pack-") as folder:
-        made = [write_wheel(distribution(name), module, Path(folder)) for name, module in packages.items()]
-        packed = [PackedFile(f"wheels/{path.name}", path.read_bytes()) for path in made]
+        wheels = [write_wheel(distribution(name), module, Path(folder)) for name, module in packages.items()]
+        packed = [PackedFile(f"wheels/{path.name}", path.read_bytes()) for path in wheels]
     return [*packed, PackedFile("constraints.txt", list_constraints(list(packages)).encode())]
 
 

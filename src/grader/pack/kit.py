@@ -66,7 +66,7 @@ ADDRESS = """- Its page: {origin}/quizzes/{quiz}/{question}. `mjgrade sign-in {o
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _Kit:
     """An exercise of content that a digest names."""
 
     quiz: str
@@ -81,16 +81,16 @@ def build_kit(library: Library, quiz: str, question: str, *, judged: bool, origi
     """Returns the kit of an exercise, a zip file of one folder of its name. `judged` is whether it may say how the
     visible cases are judged, as feedback does; `origin` is that of the server, if its README is to name it. Raises
     NotFound, also for a question that is no exercise."""
-    return _build(_Asked(quiz, question, library.digest(quiz), judged, origin, library))
+    return _build(_Kit(quiz, question, library.digest(quiz), judged, origin, library))
 
 
 @lru_cache(maxsize=64)
-def _build(asked: _Asked) -> bytes:
-    texts = list_texts(asked.library, asked.quiz, asked.question, judged=asked.judged, origin=asked.origin)
+def _build(kit: _Kit) -> bytes:
+    texts = list_texts(kit.library, kit.quiz, kit.question, judged=kit.judged, origin=kit.origin)
     written = io.BytesIO()
     with zipfile.ZipFile(written, "w", zipfile.ZIP_DEFLATED) as packed:
         for path, text in texts.items():
-            packed.writestr(make_entry(f"{asked.question}/{path}"), text)
+            packed.writestr(make_entry(f"{kit.question}/{path}"), text)
     return written.getvalue()
 
 

@@ -23,16 +23,16 @@ if TYPE_CHECKING:  # it needs the packages of the extra
 URLS = ("login_url", "token_url", "keys_url")
 
 
-def read_registration(given: Mapping[str, Any]) -> Registration:
+def read_registration(fields: Mapping[str, Any]) -> Registration:
     """Returns a registration as somebody typed it. Raises Unprocessable for an address that is not https. `origins` are
     those that may show our pages in a frame: of the issuer and the login if none is given."""
     texts = {
-        name: str(given.get(name) or "").strip() for name in ("name", "issuer", "client_id", "token_audience", *URLS)
+        name: str(fields.get(name) or "").strip() for name in ("name", "issuer", "client_id", "token_audience", *URLS)
     }
     for name in URLS:
         if not is_of_platform(texts[name]):
             raise Unprocessable(f"The {name} is an https address without user name, not {texts[name]!r}.")
-    origins = [str(origin).strip() for origin in given.get("origins") or ()]
+    origins = [str(origin).strip() for origin in fields.get("origins") or ()]
     for origin in origins:
         if not is_of_platform(origin) or read_origin(origin) != origin.rstrip("/"):
             raise Unprocessable(f"An origin is https://host[:port] and nothing else, not {origin!r}.")

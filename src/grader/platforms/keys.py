@@ -44,37 +44,37 @@ class ToolKeys:
 
     def rotate(self) -> str:
         """Makes a new key that signs from now on, and records it. Returns its `kid`."""
-        made = make_key()
-        kid = str(made["jwk"]["kid"])
+        new_key = make_key()
+        kid = str(new_key["jwk"]["kid"])
         with self.database.write() as session:
             self.database.lock(session, "lti-keys")
-            kept = [{**key, "until": key["until"] or self._end()} for key in self._read(session)]
-            self._write(session, [*kept, made])
+            keys = [{**key, "until": key["until"] or self._end()} for key in self._read(session)]
+            self._write(session, [*keys, new_key])
             record(session, None, DEFAULT_COURSE, Action.SIGNING_KEY_ROTATED, kid)
         return kid
 
     def _kept(self) -> list[dict[str, Any]]:
         """Returns the keys that are published, the newest last; the first call on a database makes one."""
         with self.database.read() as session:
-            kept = self._read(session)
-        if kept:
-            return kept
-        made = make_key()
+            keys = self._read(session)
+        if keys:
+            return keys
+        new_key = make_key()
         with self.database.write() as session:
             self.database.lock(session, "lti-keys")
-            kept = self._read(session) or [made]
-            self._write(session, kept)
-        return kept
+            keys = self._read(session) or [new_key]
+            self._write(session, keys)
+        return keys
 
     def _end(self) -> str:
         return (self.clock() + PUBLISHED).isoformat()
 
     def _read(self, session: Session) -> list[dict[str, Any]]:
-        kept = json.loads(installation.lti_keys(session) or b"[]")
-        return [key for key in kept if key["until"] is None or datetime.fromisoformat(key["until"]) > self.clock()]
+        keys = json.loads(installation.lti_keys(session) or b"[]")
+        return [key for key in keys if key["until"] is None or datetime.fromisoformat(key["until"]) > self.clock()]
 
-    def _write(self, session: Session, kept: list[dict[str, Any]]) -> None:
-        installation.keep_lti_keys(session, json.dumps(kept).encode())
+    def _write(self, session: Session, keys: list[dict[str, Any]]) -> None:
+        installation.keep_lti_keys(session, json.dumps(keys).encode())
 
 
 def make_key() -> dict[str, Any]:

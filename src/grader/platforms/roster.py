@@ -42,11 +42,11 @@ class PulledRoster:
 
 async def pull(authorized: "AccessTokens", platform: Platform, url: str) -> list[Person]:
     """The active members of a platform's course, page by page. Raises Unprocessable if the platform does not tell."""
-    people, following, asked = dict[str, Person](), url, set[str]()
+    people, following, visited = dict[str, Person](), url, set[str]()
     while following:
-        if following in asked or len(asked) >= PAGES_MAX or read_origin(following) != read_origin(url):
+        if following in visited or len(visited) >= PAGES_MAX or read_origin(following) != read_origin(url):
             raise Unprocessable("The platform's roster goes on at an address that makes no sense.")
-        asked.add(following)
+        visited.add(following)
         answer = await fetch_page(authorized, platform, following)
         people |= {person.subject: person for person in read_persons(answer.body, platform.issuer)}
         if len(people) > MEMBERS_MAX:

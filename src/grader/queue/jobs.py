@@ -187,9 +187,9 @@ def withdraw(session: Session, topic: str, subject: str) -> bool:
 def ask_to_stop(session: Session, topic: str, subject: str) -> bool:
     """Asks the owner of a job in progress to stop it. False if it is done, waits, or was asked before."""
     runs = (JobRow.topic == topic, JobRow.subject == subject, IS_OWNED, JobRow.due_at.is_(None))
-    asked = session.execute(update(JobRow).where(*runs).values(due_at=Clock()).returning(JobRow.id)).first()
+    job = session.execute(update(JobRow).where(*runs).values(due_at=Clock()).returning(JobRow.id)).first()
     announce(session, STOPS)
-    return asked is not None
+    return job is not None
 
 
 def list_asked_to_stop(session: Session, owner: int) -> Sequence[str]:

@@ -286,7 +286,7 @@ class Worker:
 
     def _stop_asked(self) -> bool:
         with self.database.read() as session:
-            asked = jobs.list_asked_to_stop(session, self.owner.id)
-        for subject in asked:
+            subjects = jobs.list_asked_to_stop(session, self.owner.id)
+        for subject in subjects:
             self.stop_job(subject)
-        return bool(asked)
+        return bool(subjects)

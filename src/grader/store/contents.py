@@ -59,8 +59,8 @@ def keep(session: Session, quiz: str, digest: str, files: Mapping[str, str | byt
         return
     bodies = {path: body.encode() if isinstance(body, str) else body for path, body in files.items()}
     hashes = {path: hashlib.sha256(body).hexdigest() for path, body in bodies.items()}
-    kept = set(session.scalars(select(ContentFile.sha256).where(ContentFile.sha256.in_(hashes.values()))))
-    new = {hashes[path]: body for path, body in bodies.items() if hashes[path] not in kept}
+    known = set(session.scalars(select(ContentFile.sha256).where(ContentFile.sha256.in_(hashes.values()))))
+    new = {hashes[path]: body for path, body in bodies.items() if hashes[path] not in known}
     session.add_all(ContentFile(sha256=sha256, body=body) for sha256, body in new.items())
     session.add(ContentManifest(digest=digest, quiz=quiz, files=json.dumps(hashes)))
     session.flush()
@@ -108,6 +108,6 @@ def find_media(session: Session, sha256: str, name: str) -> Media | None:
     for files in session.scalars(rows):
         for path, digest in json.loads(files).items():
             if digest == sha256 and path.startswith(FOLDERS) and PurePosixPath(path).name == name:
-                kept = session.get(ContentFile, sha256)
-                return None if kept is None else Media(path, find_type(path, kept.body), kept.body)
+                file = session.get(ContentFile, sha256)
+                return None if file is None else Media(path, find_type(path, file.body), file.body)
     return None

@@ -107,10 +107,10 @@ EARLIER = slice(GRANTED.stop, GRANTED.stop + len(EarlierRequest._fields))
 
 
 def _make_state(row: Any) -> QuestionState:
-    made, pending, correct, newest = row[4:8]
+    attempts, pending, correct, newest = row[4:8]
     result, source, granted = row[RESULT_AT], row[SOURCE], row[GRANTED]
     return QuestionState(
-        Progress() if made is None else Progress(made, pending, bool(correct)),
+        Progress() if attempts is None else Progress(attempts, pending, bool(correct)),
         newest or "",
         None if result[0] is None else dict(zip(RESULT_NAMES, result, strict=True)),
         None if source[0] is None else SourceAttempt(*source),

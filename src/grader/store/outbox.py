@@ -233,12 +233,12 @@ def list_webhooks(session: Session, course: str) -> Sequence[Destination]:
 def add_scores(session: Session, course: str, quiz: str, question: str, by: str) -> str:
     """Makes results of a quiz, or of one question, go to learning platforms; once. Returns the destination's id."""
     key = "\n".join((course, quiz, question))
-    made = hashlib.blake2b(key.encode(), digest_size=16).hexdigest()
-    values = {"id": made, "course": course, "kind": SCORES, "quiz": quiz, "question": question, "created_by": by,
+    row_id = hashlib.blake2b(key.encode(), digest_size=16).hexdigest()
+    values = {"id": row_id, "course": course, "kind": SCORES, "quiz": quiz, "question": question, "created_by": by,
               "created_at": now()}  # fmt: skip
     insert = get_insert(session.get_bind().dialect.name)
     session.execute(insert(Destination).values(values).on_conflict_do_nothing())
-    return made
+    return row_id
 
 
 def remove(session: Session, destination: Destination) -> None:
@@ -307,7 +307,7 @@ def erase(session: Session, course: str, learner: str) -> None:
 
 def add_webhook(session: Session, course: str, values: dict[str, Any]) -> Destination:
     """Adds a webhook."""
-    made = Destination(course=course, kind=WEBHOOK, quiz=ALL, question=ALL, **values)
-    session.add(made)
+    webhook = Destination(course=course, kind=WEBHOOK, quiz=ALL, question=ALL, **values)
+    session.add(webhook)
     session.flush()
-    return made
+    return webhook

@@ -32,15 +32,15 @@ def page(session: Session, course: str, after: str | None, limit: int) -> Sequen
 
 def sharing_email(session: Session, course: str, members: Sequence[Member]) -> dict[str, list[str]]:
     """For those of the members whose e-mail address others of the course have too: the ids of the others."""
-    asked = {member.id: member.email.lower() for member in members if member.email}
-    if not asked:
+    emails = {member.id: member.email.lower() for member in members if member.email}
+    if not emails:
         return {}
     address = func.lower(Member.email)
-    here = (Member.course == course, Member.removed_at.is_(None), address.in_(set(asked.values())))
+    here = (Member.course == course, Member.removed_at.is_(None), address.in_(set(emails.values())))
     owners: dict[str, list[str]] = {}
     for member_id, email in session.execute(select(Member.id, address).where(*here).order_by(Member.id)):
         owners.setdefault(email, []).append(member_id)
-    others = {id_: [other for other in owners.get(email, ()) if other != id_] for id_, email in asked.items()}
+    others = {id_: [other for other in owners.get(email, ()) if other != id_] for id_, email in emails.items()}
     return {id_: sharers for id_, sharers in others.items() if sharers}
 
 

@@ -151,8 +151,8 @@ def add_once(session: Session, row: Row, query: Any) -> Row:
         with session.begin_nested():
             session.add(row)
     except IntegrityError:
-        kept: Row = session.scalars(query).one()
-        return kept
+        earlier: Row = session.scalars(query).one()
+        return earlier
     return row
 
 
@@ -166,9 +166,9 @@ def list_deployments(session: Session, platform_id: int) -> Sequence[Deployment]
 def note_deployment(session: Session, platform_id: int, deployment_id: str) -> Deployment | None:
     """The deployment; a new one waits for approval. None if too many wait."""
     query = select(Deployment).where(Deployment.platform == platform_id, Deployment.deployment_id == deployment_id)
-    kept = session.scalar(query)
-    if kept is not None:
-        return kept
+    deployment = session.scalar(query)
+    if deployment is not None:
+        return deployment
     waiting = select(func.count()).where(Deployment.platform == platform_id, Deployment.approved_at.is_(None))
     if (session.scalar(waiting) or 0) >= PENDING_MAX:
         return None
@@ -243,8 +243,8 @@ def place_of_review(session: Session, context: int, link_id: str, line_item_url:
         if link is not None:
             return link.quiz, link.question
     containers = select(ResourceLink.line_items_url).where(ResourceLink.context == context)
-    made = select(LineItem.resource).where(LineItem.url == line_item_url, LineItem.container.in_(containers))
-    quiz, _, question = (session.scalar(made.limit(1)) or "").partition("/")
+    query = select(LineItem.resource).where(LineItem.url == line_item_url, LineItem.container.in_(containers))
+    quiz, _, question = (session.scalar(query.limit(1)) or "").partition("/")
     return quiz or None, question or None
 
 

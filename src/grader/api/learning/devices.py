@@ -35,13 +35,13 @@ class DeviceCodeBody(RequestBody):
 def begin_device(body: DeviceBody, services: AppServices, request: Request, response: Response) -> dict[str, Any]:
     """Begins the sign-in of a device: show the user code and the address, then ask for the token."""
     with services.database.write() as session:
-        made = devices.begin(session, body.client_name)
+        device = devices.begin(session, body.client_name)
     response.headers.update(NO_STORE)
     page = f"{services.origin_of(request)}/devices"
     return {
-        **vars(made),
+        **vars(device),
         "verification_uri": page,
-        "verification_uri_complete": f"{page}?code={made.user_code}",
+        "verification_uri_complete": f"{page}?code={device.user_code}",
         "interval": devices.INTERVAL_S,
         "expires_in": int(devices.CODE.total_seconds()),
     }

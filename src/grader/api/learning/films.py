@@ -56,8 +56,8 @@ def prepare(
         at = submission.quiz, submission.question
         decision = read_access(session, services.content.of(who.course).library, who, at).decide(*at)
     shown = redact_json(verdict, decision) or {}
-    told = {name: shown.get(name) for name in ("evidence", "findings", "content_digest")}
-    settings = json.dumps(["films", submission.id, submission.seed, timestep_ms, told], sort_keys=True)
+    judged = {name: shown.get(name) for name in ("evidence", "findings", "content_digest")}
+    settings = json.dumps(["films", submission.id, submission.seed, timestep_ms, judged], sort_keys=True)
     digest = hashlib.sha256(settings.encode(errors="surrogatepass")).hexdigest()
     return digest, partial(record, services.content.archive, submission, shown, timestep_ms)
 

@@ -133,9 +133,9 @@ def refuse_before_answer(services: Services, who: Identity, quiz: str, question:
 def record(library: Library, lab: Lab | LabConfig, body: LabBody) -> Recording:
     """Runs the lab. Raises LabRefused, and Unprocessable, for settings that the lab cannot run with."""
     pulls = [Pull(**pull.model_dump()) for pull in body.pulls]
-    asked = LabRequest(body.controls, body.events, pulls, body.seconds)
+    lab_request = LabRequest(body.controls, body.events, pulls, body.seconds)
     try:
-        answer = lab_kind_of(lab).answer(lab, asked, library.model_xml)
+        answer = lab_kind_of(lab).answer(lab, lab_request, library.model_xml)
     except LabError as error:
         log.warning("a lab failed", quiz=body.quiz, why=str(error))
         raise Unprocessable("The lab cannot be run with these settings.") from error

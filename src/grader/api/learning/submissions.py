@@ -305,8 +305,8 @@ def compute_etag_for(decision: Decision, submission: Submission, shown: dict[str
         return compute_etag(submission)
     if level is Visibility.RECEIPT:
         verdict = {**(shown["verdict"] or {}), "content_digest": None}  # the key may be all that differs in it
-        told = json.dumps([verdict, *(shown[name] for name in ("status", "attempt", "withheld"))])
-        return f'"{submission.id[-8:]}-r{zlib.crc32(told.encode()):08x}"'
+        text = json.dumps([verdict, *(shown[name] for name in ("status", "attempt", "withheld"))])
+        return f'"{submission.id[-8:]}-r{zlib.crc32(text.encode()):08x}"'
     return f'{compute_etag(submission)[:-1]}-{zlib.crc32(f"{level}".encode()):08x}"'
 
 

@@ -83,17 +83,17 @@ class DeliveryQuery(CursorQuery):
 
     def where(self, course: str) -> list[ColumnElement[bool]]:
         """The same, as conditions on rows."""
-        asked = self.model_dump(include={"state", "destination", "learner"}, exclude_none=True)
-        return [Delivery.course == course, *(getattr(Delivery, name) == value for name, value in asked.items())]
+        filters = self.model_dump(include={"state", "destination", "learner"}, exclude_none=True)
+        return [Delivery.course == course, *(getattr(Delivery, name) == value for name, value in filters.items())]
 
 
 @router.post("/webhooks", status_code=201, response_model=NewSecret, responses=refusals(401, 403, 409, 413, 422, 429))
 def create_webhook(body: WebhookBody, who: Staff, services: AppServices, response: Response) -> dict[str, Any]:
     """Tells a URL of every changed result of the course. The secret is shown this once."""
     with services.database.write() as session:
-        made = webhooks.create(services.database, session, who, body.url, services.settings.private_hosts)
-        response.headers["Location"] = f"{PREFIX}/webhooks/{made.id}"
-        return describe_webhook(made) | {"secret": made.secret}
+        webhook = webhooks.create(services.database, session, who, body.url, services.settings.private_hosts)
+        response.headers["Location"] = f"{PREFIX}/webhooks/{webhook.id}"
+        return describe_webhook(webhook) | {"secret": webhook.secret}
 
 
 @router.get("/webhooks", response_model=Page[WebhookView], responses=refusals(401, 403, 429))

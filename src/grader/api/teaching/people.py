@@ -119,14 +119,14 @@ def create_invitations(
         raise Unprocessable("Give either `names` or `member`.")
     with services.database.write() as session:
         if body.member is None:
-            made = invitations.invite(session, who, who.course, body.names, body.role)
+            created = invitations.invite(session, who, who.course, body.names, body.role)
         else:
             member = stored_people.get(session, body.member, who.course)
             if member is None:
                 raise NotFound("There is no such member.")
-            made = [invitations.invite_member(session, who, member)]
+            created = [invitations.invite_member(session, who, member)]
     origin = services.origin_of(request)
-    return {"items": [describe_invitation(invitation, origin) for invitation in made], "next_cursor": None}
+    return {"items": [describe_invitation(invitation, origin) for invitation in created], "next_cursor": None}
 
 
 @router.delete("/invitations/{invitation_id}", status_code=204, responses=refusals(401, 403, 404, 422, 429))

@@ -241,10 +241,10 @@ def put_second_mark(
         submission = find_visible(session, submission_id, who)
         desk.hold(session, submission)
         refuse_outdated(submission, if_match)
-        kept = reviews.mark_second(desk, session, who, submission, body.mark)
-    agrees = kept.second == stored.AGREED
+        review = reviews.mark_second(desk, session, who, submission, body.mark)
+    agrees = review.second == stored.AGREED
     return SecondMark(
-        submission_id=submission_id, points=kept.second_points or 0.0, comment=body.mark.comment, agrees=agrees
+        submission_id=submission_id, points=review.second_points or 0.0, comment=body.mark.comment, agrees=agrees
     )
 
 

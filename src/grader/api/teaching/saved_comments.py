@@ -48,8 +48,8 @@ def save_comment(body: CommentBody, who: Instructor, services: AppServices) -> d
     """Saves a comment for all instructors of the course; at most 200 for a question."""
     services.content.of(who.course).library.question(body.quiz, body.question)
     with services.database.write() as session:
-        kept = comments.save(services.database, session, who, (body.quiz, body.question), body.text)
-    return describe_comment(kept)
+        comment = comments.save(services.database, session, who, (body.quiz, body.question), body.text)
+    return describe_comment(comment)
 
 
 @router.put("/reviews/comments/{comment_id}", responses=refusals(401, 403, 404, 413, 422, 429))

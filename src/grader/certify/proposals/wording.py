@@ -160,11 +160,11 @@ def read_ways(question: str, options: tuple[str, ...]) -> list[Way] | None:
     if len(plain) == 2 and sorted((bool(AFFIRMED.match(option)), bool(DENIED.match(option))) for option in plain) == [
         (False, True), (True, False),
     ]:  # fmt: skip
-        asked = read_way(question)
-        other = {Way.SAME: Way.MOVES}.get(asked, Way.SAME) if asked is not None else None
-        if asked is None or other is None:
+        asked_way = read_way(question)
+        other = {Way.SAME: Way.MOVES}.get(asked_way, Way.SAME) if asked_way is not None else None
+        if asked_way is None or other is None:
             return None
-        return [asked if AFFIRMED.match(option) else other for option in plain]
+        return [asked_way if AFFIRMED.match(option) else other for option in plain]
     ways = [read_way(option) for option in options]
     known = [way for way in ways if way is not None]
     return known if len(known) == len(ways) == len(set(known)) else None

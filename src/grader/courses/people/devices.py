@@ -140,8 +140,8 @@ def _wait(session: Session, device_code: str, body: dict[str, Any]) -> Refusal:
     last = body.get("asked_at")
     is_hasty = last is not None and now() - datetime.fromisoformat(last) < timedelta(seconds=body["interval_s"])
     interval_s = body["interval_s"] + (INTERVAL_S if is_hasty else 0)
-    asked = {"asked_at": now().isoformat(), "interval_s": interval_s}
-    tickets.change(session, DEVICE, tickets.hash_secret(device_code), **asked)
+    state = {"asked_at": now().isoformat(), "interval_s": interval_s}
+    tickets.change(session, DEVICE, tickets.hash_secret(device_code), **state)
     return SLOW_DOWN if is_hasty else PENDING
 
 

@@ -64,8 +64,8 @@ def create(database: Database, library: Library, who: Identity, wanted: RegradeR
         regrades.add(session, regrade, chosen)
         for lane in sorted({item["place"] % LANES for item in chosen}):
             jobs.put(session, jobs.REGRADE, f"{regrade.id}:{lane}", share=regrade.id)
-        asked: dict[str, Any] = {"quiz": quiz.id, "question": wanted.question, "dry_run": wanted.dry_run}
-        record(session, who, who.course, Action.REGRADED, regrade.id, **asked, submissions=len(chosen))
+        details: dict[str, Any] = {"quiz": quiz.id, "question": wanted.question, "dry_run": wanted.dry_run}
+        record(session, who, who.course, Action.REGRADED, regrade.id, **details, submissions=len(chosen))
     return regrade
 
 

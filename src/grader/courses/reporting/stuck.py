@@ -100,15 +100,15 @@ def find_shared_mistakes(session: Session, course: str) -> list[SharedMistake]:
     solved. Looks at the `PLACES_MAX` learners at a question who tried last."""
     newest = submissions.newest_wrong(session, course, now() - RECENT, newest=SUBMISSIONS_MAX, limit=PLACES_MAX)
     verdicts = submissions.read_verdicts_by_id(session, [submission for *_, submission in newest])
-    made = [
+    attempts = [
         (quiz, question, verdicts[submission]) for _, quiz, question, submission in newest if submission in verdicts
     ]
-    return count_shared(made)
+    return count_shared(attempts)
 
 
-def count_shared(made: Iterable[tuple[str, str, Any]]) -> list[SharedMistake]:
-    """Returns the mistakes of most learners; `made` has the quiz, the question and the verdict of each. Pure."""
-    named = ((quiz, question, name_mistake(one["status"], one["diagnosis"])) for quiz, question, one in made)
+def count_shared(attempts: Iterable[tuple[str, str, Any]]) -> list[SharedMistake]:
+    """Returns the mistakes of most learners; `attempts` have the quiz, the question and the verdict of each. Pure."""
+    named = ((quiz, question, name_mistake(one["status"], one["diagnosis"])) for quiz, question, one in attempts)
     mistakes = [(quiz, question, one) for quiz, question, one in named if one is not None and one.name != OTHER]
     counts = Counter((quiz, question, one.key) for quiz, question, one in mistakes)
     names = {(quiz, question, one.key): one.name for quiz, question, one in mistakes}

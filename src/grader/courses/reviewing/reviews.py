@@ -163,8 +163,8 @@ def follow_rubric(desk: Desk, session: Session, submission_id: str, who: Identit
         changed = {"before": earlier.points, "after": verdict.points}
         record(session, who, submission.course, Action.RECOMPUTED, submission.id, unsigned=FOLLOWING, **changed)
     if review.second_ticked is not None:
-        kept = {item.id for item in get_rubric(question)}.intersection(json.loads(review.second_ticked))
-        review.second_points = rubric_points(get_items(question, kept), question.points)
+        ids = {item.id for item in get_rubric(question)}.intersection(json.loads(review.second_ticked))
+        review.second_points = rubric_points(get_items(question, ids), question.points)
     if review.second in (AGREED, DIFFERS):
         review.second = compare_marks(desk, submission, review)
     review.rubric = compute_fingerprint(question)

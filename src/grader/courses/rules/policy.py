@@ -350,11 +350,11 @@ def report_verdict(verdict: Verdict, question: Question) -> Verdict:
     right answer shows everything. Without `reveal` only expected values, and the evidence that draws them, are left
     out, but of a script, whose hidden cases have none."""
     kind = kind_of(question)
-    asked = kind.reveal(question)
-    if verdict.status is Status.CORRECT or (asked is None and kind.is_script):
+    revealed = kind.reveal(question)
+    if verdict.status is Status.CORRECT or (revealed is None and kind.is_script):
         return verdict
-    if asked is not None:
-        return limit_feedback(verdict, asked)
+    if revealed is not None:
+        return limit_feedback(verdict, revealed)
     findings = tuple(finding.model_copy(update={"expected": None}) for finding in verdict.findings)
     evidence = {name: value for name, value in verdict.evidence.items() if name in FEEDBACK_EVIDENCE}
     return verdict.model_copy(update={"findings": findings, "evidence": evidence})

@@ -46,9 +46,9 @@ def create(
     database.lock(session, f"webhooks\n{who.course}")
     if len(outbox.list_webhooks(session, who.course)) >= WEBHOOKS_MAX:
         raise Conflict(f"A course has at most {WEBHOOKS_MAX} webhooks: delete one first.")
-    made = outbox.add_webhook(session, who.course, {"url": url, "secret": make_secret(), "created_by": who.user})
-    record(session, who, who.course, Action.WEBHOOK_CREATED, made.id, url=url)
-    return made
+    webhook = outbox.add_webhook(session, who.course, {"url": url, "secret": make_secret(), "created_by": who.user})
+    record(session, who, who.course, Action.WEBHOOK_CREATED, webhook.id, url=url)
+    return webhook
 
 
 def get(session: Session, webhook_id: str, course: str) -> Destination:

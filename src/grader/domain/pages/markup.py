@@ -25,7 +25,9 @@ def plain_text(markup: str) -> str:
 def spoken_text(markup: str) -> str:
     """Returns an HTML fragment as plain text, its formulas without dollars where they are plain text as well.
     Kept, since parsing HTML takes long."""
-    return FORMULA.sub(lambda match: match[0] if "\\" in (told := spell_formula(match)) else told, plain_text(markup))
+    return FORMULA.sub(
+        lambda match: match[0] if "\\" in (spelled := spell_formula(match)) else spelled, plain_text(markup)
+    )
 
 
 def spell_formula(formula: re.Match[str]) -> str:

@@ -51,9 +51,9 @@ def keep_film(visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any
     case failed, one of them and one that succeeded. Nothing where nothing was simulated."""
     ordered = sorted(visible, key=lambda trial: not any(trial.judgement.outcome.failed))
     cases = [{"case": trial.id, "runs": keep_runs(trial.judgement.outcome)} for trial in ordered[:FILMS_MAX]]
-    kept = [case for case in cases if case["runs"]]
+    with_runs = [case for case in cases if case["runs"]]
     about = "The judge's own simulation, with the controls that yours gave."
-    return {"film": {"title": "Your run", "about": about, "cases": kept}} if kept else {}
+    return {"film": {"title": "Your run", "about": about, "cases": with_runs}} if with_runs else {}
 
 
 def keep_runs(outcome: Outcome) -> list[dict[str, Any]]:
@@ -97,19 +97,19 @@ def record_films(trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any]) 
     return [film for film in films if film is not None]
 
 
-def build_film(problem: Problem, kept: CaseRuns) -> Film | None:
+def build_film(problem: Problem, case_runs: CaseRuns) -> Film | None:
     """Returns the film of a case; None where its runs are of another model."""
-    if kept.runs[0].episode >= len(problem.episodes):
+    if case_runs.runs[0].episode >= len(problem.episodes):
         return None
-    scene, several = problem.episodes[kept.runs[0].episode].scene, len(problem.episodes) > 1
-    panels = tuple(build_panel(run, is_one_of_several=several) for run in kept.runs)
+    scene, several = problem.episodes[case_runs.runs[0].episode].scene, len(problem.episodes) > 1
+    panels = tuple(build_panel(run, is_one_of_several=several) for run in case_runs.runs)
     if any(panel.qpos.shape != (len(panel.times_s), scene.model.nq) for panel in panels):
         return None
-    title = problem.case.title or f"case {kept.case}"
+    title = problem.case.title or f"case {case_runs.case}"
     title = title[0].upper() + title[1:]
     ends = [f"{panel.title} {panel.ended}" for panel in panels if panel.ended]
     end_s = max(float(panel.times_s[-1]) for panel in panels)
-    return Film(kept.case, title, f"{title}: {'; '.join(ends) or 'simulated to its end'}.", scene, end_s, panels)
+    return Film(case_runs.case, title, f"{title}: {'; '.join(ends) or 'simulated to its end'}.", scene, end_s, panels)
 
 
 def build_panel(run: Run, *, is_one_of_several: bool) -> Panel:

@@ -70,8 +70,8 @@ def binds(statement: ast.stmt, name: str) -> bool:
 def find_view(script: Script, fields: Sequence[str]) -> int | None:
     """Returns the first line that gives one of these fields of data a name, returns it, or appends it, without a copy;
     None where none does."""
-    kept = list_kept_values(script)
-    return min((line for line, value in kept if any(is_field(value, field) for field in fields)), default=None)
+    values = list_kept_values(script)
+    return min((line for line, value in values if any(is_field(value, field) for field in fields)), default=None)
 
 
 def list_kept_values(script: Script) -> Iterator[tuple[int, ast.expr]]:

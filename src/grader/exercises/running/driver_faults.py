@@ -44,11 +44,11 @@ def write_stand_in(question: ScriptQuestion, plan: Plan) -> str:
 def list_unplaced(plan: Plan, report: RunReport) -> Iterator[str]:
     """Yields what was raised in no line of the script: at its import, and in each trial."""
     if report.status is RunStatus.CRASHED:
-        told = [report.reason]
+        reasons = [report.reason]
     else:
         parts = {False: report.results, True: report.hidden_results}
-        told = [read_unplaced(select_results(parts[trial.hidden], at)) for at, trial in enumerate(plan.trials)]
-    yield from (what for what in told if what and not any(known in what for known in OF_SCRIPTS))
+        reasons = [read_unplaced(select_results(parts[trial.hidden], at)) for at, trial in enumerate(plan.trials)]
+    yield from (what for what in reasons if what and not any(known in what for known in OF_SCRIPTS))
 
 
 def read_unplaced(results: Results) -> str:

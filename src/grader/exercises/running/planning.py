@@ -168,11 +168,13 @@ def build_case_trials(
     if not written and kind.needs_model:
         raise ValueError("give either `model` (a name in models/) or `xml` (MJCF text)")
     xml = write_numbers(written, parameters.numbers, numbers) if written else ""
-    made = kind.build_trials(parameters, DrawnCase(case, numbers, xml, written, rng, content))
-    if not made:
+    trials = kind.build_trials(parameters, DrawnCase(case, numbers, xml, written, rng, content))
+    if not trials:
         raise ValueError("the kind makes no trial of this case: its build_trials must return one at least")
-    shares = sum(trial.points for trial in made)
-    return [replace(trial, case=case, hidden=case.hidden, points=case.points * trial.points / shares) for trial in made]
+    shares = sum(trial.points for trial in trials)
+    return [
+        replace(trial, case=case, hidden=case.hidden, points=case.points * trial.points / shares) for trial in trials
+    ]
 
 
 def read_model(parameters: ExerciseParameters, case: Case, model_xml: ModelXml) -> str:

@@ -51,8 +51,8 @@ class ProgramCall:
     @property
     def digest(self) -> str:
         """A digest of all that the result depends on, but for the versions of code: a shelf is of one version."""
-        told = json.dumps([self.text, self.function, self.xml, dict(self.numbers), self.seed])
-        return hashlib.sha256(told.encode()).hexdigest()
+        text = json.dumps([self.text, self.function, self.xml, dict(self.numbers), self.seed])
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def write(self) -> dict[str, Any]:
         """Returns the call as the caller in the jail reads it."""
@@ -167,8 +167,8 @@ def call_program(call: ProgramCall, *, is_fixed: bool = False) -> list[Any]:
     and {"type": its name} for anything else. With `is_fixed` it is kept beyond the end of this process. Raises
     ValueError for a program that fails or gives no list, and JailFault."""
     answer = CALLS.make(call, is_fixed=is_fixed)
-    if isinstance(made := answer.get("made"), list):
-        return made
+    if isinstance(values := answer.get("made"), list):
+        return values
     if "type" in answer:
         raise ValueError(f"{call.path}: {call.function} must return a list, not {answer['type']}")
     defined = ", ".join(map(str, answer.get("defines", ()))) or "none"

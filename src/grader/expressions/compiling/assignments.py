@@ -102,9 +102,9 @@ class Assignments(Chains):
 
     def written(self, node: Node, place: Place, new: Term) -> Term:
         """Returns the assignment of a value, which is the value of the assignment."""
-        made = Term(place.write(new), new.stored_kind)
-        self.at(node, made.code)
-        return made
+        term = Term(place.write(new), new.stored_kind)
+        self.at(node, term.code)
+        return term
 
     def _term_assignment_expression(self, scope: Scope, node: Node) -> Term:
         place = self.place(scope, get_field(node, "left"), again=False)
@@ -114,10 +114,10 @@ class Assignments(Chains):
         place = self.place(scope, get_field(node, "left"), again=True)
         operator, right = read_operator(node, BINARY)[:-1], self.term(scope, get_field(node, "right"))
         if operator in LOGICAL:
-            made = self.chosen(operator, place.read(), self.written(node, place, right))
+            term = self.chosen(operator, place.read(), self.written(node, place, right))
         else:
-            made = self.written(node, place, self.combined(node, operator, place.read(), right))
-        return Term(build_sequence(*place.begin, made.code), made.kind)
+            term = self.written(node, place, self.combined(node, operator, place.read(), right))
+        return Term(build_sequence(*place.begin, term.code), term.kind)
 
     def update(self, scope: Scope, node: Node, old_value: bool) -> Term:
         """`place++` or `--place`: the old or the new value."""

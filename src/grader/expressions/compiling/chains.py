@@ -101,30 +101,30 @@ class Chains(Terms, ABC):
         known = index.code.value if isinstance(index.code, ast.Constant) else None
         if isinstance(known, float) and known >= 0 and known.is_integer():
             place, size = ast.Constant(int(known)), self.need("size", path)
-            made = build_expression(
+            element = build_expression(
                 "VIEW[KEY] if INDEX < SIZE else undefined", VIEW=view, KEY=place, INDEX=index.code, SIZE=size
             )
         else:
             (first, key), at = self.held(index.code), self.need("positions", path)
-            made = build_expression(
+            element = build_expression(
                 "VIEW[AT[KEY]] if FIRST in AT else undefined", VIEW=view, AT=at, KEY=key, FIRST=first
             )
-        return Term(made, Kind.ELEMENT)
+        return Term(element, Kind.ELEMENT)
 
     def _term_member_expression(
         self, scope: Scope, node: Node, rest: Callable[[Term], Term] = lambda term: term
     ) -> Term:
         """Returns the `rest` of a chain after `node`: all of it is undefined where a `?.` finds null or undefined."""
         compiler: Callable[[Scope, Node], Term | Build] = getattr(self, f"_link_{node.type}", self.term)
-        made = compiler(scope, node)
-        if isinstance(made, Term):
-            return rest(made)
+        compiled = compiler(scope, node)
+        if isinstance(compiled, Term):
+            return rest(compiled)
         link = get_field(node, "function") if node.type == "call_expression" else node
 
         def follow(before: Term) -> Term:
             optional = is_optional(link)
             first, again = self.held(before.code) if optional else (before.code, "")
-            term = Term(made(build_name(again) if optional else first))
+            term = Term(compiled(build_name(again) if optional else first))
             self.at(node, term.code)
             term = rest(term)
             if not optional:

@@ -87,8 +87,8 @@ def _fill(node: Any, parts: Mapping[str, Part]) -> Any:
         part = parts.get(node.id, node.id)
         return ast.Name(part, node.ctx) if isinstance(part, str) else part
     if kind is list:
-        made = [_fill(child, parts) for child in node]
-        return [part for child in made for part in (child if isinstance(child, list) else [child])]
+        filled = [_fill(child, parts) for child in node]
+        return [part for child in filled for part in (child if isinstance(child, list) else [child])]
     if kind is ast.Expr and isinstance(node.value, ast.Name):
         inner = _fill(node.value, parts)
         return inner if isinstance(inner, list) else ast.Expr(inner)

@@ -87,8 +87,8 @@ class Compiler(Assignments):
 
     def statement(self, scope: Scope, node: Node) -> Statements:
         """Returns the code of one statement. Raises SyntaxRefused for what the language does not have."""
-        made: Statements = self.compiled("_statement", scope, node)
-        return made
+        compiled: Statements = self.compiled("_statement", scope, node)
+        return compiled
 
     def _governed(self, scope: Scope, node: Node) -> Statements:
         """Returns the statement that an `if` or a loop governs, which cannot be a declaration."""
@@ -113,7 +113,7 @@ class Compiler(Assignments):
 
     def _statement_lexical_declaration(self, scope: Scope, node: Node) -> Statements:
         kind = read_text(node.children[0])
-        return [made for part in list_parts(node) for made in self._declarator(scope, part, kind)]
+        return [statement for part in list_parts(node) for statement in self._declarator(scope, part, kind)]
 
     _statement_variable_declaration = _statement_lexical_declaration
 
@@ -223,13 +223,13 @@ class Compiler(Assignments):
         self.variable_kinds |= dict.fromkeys(parameters, Kind.ANY)
         body = get_field(node, "body")
         loops, self.loops = self.loops, 0
-        made = self.body(inside, body) if body.type == "statement_block" else self._result(inside, body)
+        statements = self.body(inside, body) if body.type == "statement_block" else self._result(inside, body)
         self.loops = loops
         identifier, outer = self.temporary("f"), sorted(inside.frame.outer)
         nonlocals = f"nonlocal {', '.join(outer)}" if outer else ""
         taken = "".join(f"{parameter}=undefined, " for parameter in parameters)
         text = f"def {identifier}({taken}*r0):\n {nonlocals}\n PAY\n BODY"
-        scope.frame.functions += build_statements(text, PAY=build_statements(PAY), BODY=made)
+        scope.frame.functions += build_statements(text, PAY=build_statements(PAY), BODY=statements)
         return identifier
 
 

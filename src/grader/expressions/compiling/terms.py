@@ -113,11 +113,11 @@ class Terms:
         kept = self.temporary()
         return build_expression("(KEPT := VALUE)", KEPT=kept, VALUE=value), kept
 
-    def at(self, node: Node, made: ast.expr | ast.stmt) -> None:
+    def at(self, node: Node, tree: ast.expr | ast.stmt) -> None:
         """Errors of this code have this place."""
-        if not hasattr(made, "lineno"):
+        if not hasattr(tree, "lineno"):
             self.places.append(node.start_point)
-            made.lineno = len(self.places) + 1
+            tree.lineno = len(self.places) + 1
 
     def located(self, node: Node, template: str, kind: Kind = Kind.ANY, /, **filled: Part) -> Term:
         """Returns the term of a template, with the place of its errors."""
@@ -163,8 +163,8 @@ class Terms:
         """`left operator right` for `&&`, `||` and `??`."""
         first, value = self.held(left.code)
         truth = self.truth(Term(first, left.kind))
-        made = build_expression(LOGICAL[operator], FIRST=first, TRUE=truth, LEFT=value, RIGHT=right.code)
-        return Term(made, join_kinds(left.stored_kind, right.stored_kind))
+        tree = build_expression(LOGICAL[operator], FIRST=first, TRUE=truth, LEFT=value, RIGHT=right.code)
+        return Term(tree, join_kinds(left.stored_kind, right.stored_kind))
 
     def _term_binary_expression(self, scope: Scope, node: Node) -> Term:
         operator = read_operator(node, BINARY)
@@ -205,8 +205,8 @@ class Terms:
     def term(self, scope: Scope, node: Node) -> Term:
         """Returns the code of an expression. Raises SyntaxRefused for what the language does not have."""
         literal = LITERALS.get(node.type)
-        made: Term = self.compiled("_term", scope, node) if literal is None else build_constant(literal(node))
-        return made
+        term: Term = self.compiled("_term", scope, node) if literal is None else build_constant(literal(node))
+        return term
 
     def value_of(self, scope: Scope, node: Node) -> ast.expr:
         """Returns the value of a node."""

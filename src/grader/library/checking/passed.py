@@ -62,9 +62,11 @@ class PassedChecks:
         if self.place is None:
             return compute(text_of)
         name = digest_texts([check, *inputs])
-        kept = self.recall(name)
-        if kept is not None and all(digest_file(text_of, path) == digest for path, digest in kept["files"].items()):
-            return read(kept["result"])
+        earlier = self.recall(name)
+        if earlier is not None and all(
+            digest_file(text_of, path) == digest for path, digest in earlier["files"].items()
+        ):
+            return read(earlier["result"])
         files: dict[str, str] = {}
 
         def note(path: str) -> str:

@@ -32,8 +32,8 @@ class Choice:
     @property
     def points(self) -> float:
         """The points of all that the link leads to."""
-        asked = self.quiz.questions if self.question is None else (self.question,)
-        return sum(question.points for question in asked)
+        questions = self.quiz.questions if self.question is None else (self.question,)
+        return sum(question.points for question in questions)
 
     @property
     def title(self) -> str:
@@ -94,5 +94,5 @@ def content_item(choice: Choice, launch_url: str, *, with_line_item: bool) -> di
 
 def describe_span(start: datetime | None, end: datetime | None) -> dict[str, str]:
     """Returns the dates that are given, as ISO 8601."""
-    given = {"startDateTime": start, "endDateTime": end}
-    return {name: moment.isoformat() for name, moment in given.items() if moment is not None}
+    dates = {"startDateTime": start, "endDateTime": end}
+    return {name: moment.isoformat() for name, moment in dates.items() if moment is not None}

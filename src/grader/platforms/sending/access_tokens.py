@@ -96,11 +96,11 @@ class AccessTokens:
             "scope": " ".join(key[2]),
         }
 
-    def _keep(self, key: Key, given: Any) -> str:
-        token = given.get("access_token") if isinstance(given, dict) else None
+    def _keep(self, key: Key, response: Any) -> str:
+        token = response.get("access_token") if isinstance(response, dict) else None
         if not isinstance(token, str) or not token.isascii() or not token.isprintable() or not token:
             raise Unreachable("The platform's answer holds no access token.")
-        lasting = given.get("expires_in")
+        lasting = response.get("expires_in")
         seconds = float(lasting) if isinstance(lasting, int | float) and 0 < lasting < 1e9 else DEFAULT_S
         if len(self._kept) >= KEPT_MAX:
             self._kept.clear()

@@ -50,8 +50,8 @@ def add_path(url: str, part: str, **query: str) -> str:
     and others hand out line items such as `.../lineitem?type_id=2`."""
     parts = urlsplit(url)
     path = f"{parts.path.rstrip('/')}/{part}" if part else parts.path
-    asked = [*parse_qsl(parts.query, keep_blank_values=True), *query.items()]
-    return parts._replace(path=path, query=urlencode(asked), fragment="").geturl()
+    pairs = [*parse_qsl(parts.query, keep_blank_values=True), *query.items()]
+    return parts._replace(path=path, query=urlencode(pairs), fragment="").geturl()
 
 
 def next_page(response: Response, url: str) -> str | None:

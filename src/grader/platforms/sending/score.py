@@ -86,9 +86,9 @@ class PlatformResult:
         return cls()
 
 
-def read_number(given: Any) -> float | None:
+def read_number(value: Any) -> float | None:
     """Returns a JSON number; None for anything else."""
-    return float(given) if isinstance(given, int | float) and not isinstance(given, bool) else None
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 def compute_score(

@@ -105,9 +105,9 @@ class Scores:
         tried = [Score.from_json(item) for item in json.loads(row.tried or "[]")]
         if score is None or is_no_student(session, row) or not is_news(score, sent, tried, forced=row.forced):
             return UnneededReply()
-        asked = [row.question] if row.question else [*theirs]
+        questions = [row.question] if row.question else [*theirs]
         access = read_access(session, library, Identity(row.learner, "", Role.STUDENT, row.course))
-        if (held := is_withheld(access, row.quiz, asked, self.clock())) is not None:
+        if (held := is_withheld(access, row.quiz, questions, self.clock())) is not None:
             return held
         target = self.score_target(session, row.course, row.learner, row.quiz, row.question)
         if target is None:
@@ -156,8 +156,8 @@ class Scores:
         target = prepared.target
         if READ_RESULT not in target.scopes:
             return None
-        asked = add_path(url, "results", user_id=target.lti_user_id)
-        response = await self._call(target, "GET", asked, {"Accept": MEDIA_RESULTS})
+        address = add_path(url, "results", user_id=target.lti_user_id)
+        response = await self._call(target, "GET", address, {"Accept": MEDIA_RESULTS})
         if response.status == HTTPStatus.NOT_FOUND:
             raise DeliveryFailure(self._gone(target, response))
         if response.status != HTTPStatus.OK:

@@ -77,9 +77,9 @@ def draw_learners(rng: Random, count: int) -> list[DemoLearner]:
 
 def choose_due_dates(quizzes: Sequence[Quiz], now: datetime) -> dict[str, datetime]:
     """Returns when each quiz with questions is due: one lies just ahead, the others just behind."""
-    asked = [quiz.id for quiz in quizzes if quiz.questions]
+    quiz_ids = [quiz.id for quiz in quizzes if quiz.questions]
     at = now.replace(minute=0, second=0, microsecond=0)
-    return {quiz: at + DUE[quiz == asked[-1]] for quiz in asked}
+    return {quiz: at + DUE[quiz == quiz_ids[-1]] for quiz in quiz_ids}
 
 
 def plan_answers(

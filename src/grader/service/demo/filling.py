@@ -141,9 +141,9 @@ def judge_answers(
             return verdict
 
         def judge_or_recall(submission: ParsedSubmission) -> Verdict:
-            asked = [submission.content_digest, submission.question.id, submission.text, str(submission.seed)]
+            key = [submission.content_digest, submission.question.id, submission.text, str(submission.seed)]
             return passed.run(
-                "demo verdict", asked, partial(judge, submission), text_of=pipeline.library.text,
+                "demo verdict", key, partial(judge, submission), text_of=pipeline.library.text,
                 write=lambda verdict: verdict.model_dump(mode="json"), read=Verdict.model_validate,
             )  # fmt: skip
 

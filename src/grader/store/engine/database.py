@@ -167,8 +167,8 @@ class Database:
             return True
         alone = self.engine.execution_options(isolation_level="AUTOCOMMIT")
         with alone.connect() as one, alone.connect() as other:
-            asked = [connection.scalar(SESSION) for connection in (one, one, other, other, one, one)]
-        return len({*asked[:2], *asked[4:]}) == len({*asked[2:4]}) == 1 and asked[0] != asked[2]
+            sessions = [connection.scalar(SESSION) for connection in (one, one, other, other, one, one)]
+        return len({*sessions[:2], *sessions[4:]}) == len({*sessions[2:4]}) == 1 and sessions[0] != sessions[2]
 
     def migrate(self, revision: str | None = None) -> None:
         """Brings the tables to a revision, the newest if None; safe to call from several processes at once. Raises

@@ -140,8 +140,10 @@ def reduce_verdict(verdict: Verdict, seed: int | None) -> Verdict:
     sentence of the mistake stays for a number or an option, since the grader has it ready for them. That for a script,
     which is the answer with a `seed`, may quote what the script raised, returned or named."""
     evidence = {name: verdict.evidence[name] for name in STATISTICS if name in verdict.evidence and seed is None}
-    kept = {"status", "points", "max_points", "environment", "content_digest"} | ({"diagnosis"} if evidence else set())
-    return Verdict(**verdict.model_dump(include=kept), evidence=evidence)
+    fields = {"status", "points", "max_points", "environment", "content_digest"} | (
+        {"diagnosis"} if evidence else set()
+    )
+    return Verdict(**verdict.model_dump(include=fields), evidence=evidence)
 
 
 def _results(session: Session, member: Member) -> None:

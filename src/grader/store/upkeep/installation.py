@@ -28,11 +28,11 @@ def _secret(database: Database, name: str) -> bytes:
     """The secret of this name; made at the first call on a database, kept with it, never logged and never shown."""
     with database.write() as session:
         database.lock(session, "installation")
-        kept = session.get(InstallationSecret, name)
-        if kept is None:
-            kept = InstallationSecret(name=name, value=secrets.token_bytes(SECRET_BYTES))
-            session.add(kept)
-        return kept.value
+        secret = session.get(InstallationSecret, name)
+        if secret is None:
+            secret = InstallationSecret(name=name, value=secrets.token_bytes(SECRET_BYTES))
+            session.add(secret)
+        return secret.value
 
 
 def note_origin(session: Session, origin: str) -> None:
@@ -48,8 +48,8 @@ def find_origin(session: Session) -> str | None:
 
 def lti_keys(session: Session) -> bytes | None:
     """The private keys with which this tool signs for learning platforms, as `lms.keys` wrote them; None before."""
-    kept = session.get(InstallationSecret, LTI_KEYS)
-    return None if kept is None else kept.value
+    secret = session.get(InstallationSecret, LTI_KEYS)
+    return None if secret is None else secret.value
 
 
 def keep_lti_keys(session: Session, value: bytes) -> None:

@@ -63,9 +63,9 @@ class Meter:
         steps = round(float(self.times_of(rollout.timestep_s)[-1]) / rollout.timestep_s)
         if rollout.steps < steps:  # it diverged within this time
             return run
-        kept = int(np.searchsorted(rollout.step, steps, side="right"))
+        count = int(np.searchsorted(rollout.step, steps, side="right"))
         beginning = rollout._replace(
-            step=rollout.step[:kept], states=rollout.states[:kept], steps=steps, diverged_at_step=None, warning=None
+            step=rollout.step[:count], states=rollout.states[:count], steps=steps, diverged_at_step=None, warning=None
         )
         return replace(run, rollout=beginning)
 
@@ -93,14 +93,14 @@ class Meter:
         """Returns the largest difference up to each of these times after the start, (n,); inf where a run ended."""
         distances = np.full(len(times_s), inf)
         times = times_s + self.scene.start.time_s
-        kept = int(np.sum(times <= min(one.time[-1], other.time[-1]) + 1e-9)) if min(map(_count, (one, other))) else 0
-        first, second = (interpolate(self.scene, run, times[:kept]) for run in (one, other))
+        count = int(np.sum(times <= min(one.time[-1], other.time[-1]) + 1e-9)) if min(map(_count, (one, other))) else 0
+        first, second = (interpolate(self.scene, run, times[:count]) for run in (one, other))
         if self.quantity is None:
             for row, (a, b) in enumerate(zip(first.qpos, second.qpos, strict=True)):
                 distances[row] = measure_position_distance(self.scene, a[None], b[None])
         else:
             values = (measure_quantity(self.scene, run, self.quantity) for run in (first, second))
-            distances[:kept] = np.abs(np.subtract(*values))
+            distances[:count] = np.abs(np.subtract(*values))
         distances[np.isnan(distances)] = inf
         return np.asarray(np.maximum.accumulate(distances))
 

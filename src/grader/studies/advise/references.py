@@ -128,9 +128,9 @@ class References:
             return self.confirm(*adaptive, times_s, spend=False)
         if adaptive is None:
             return stepped
-        told = self.count_accepted(stepped.doubts)
-        partly = self.confirm(*adaptive, times_s, spend=agreed > LONGER * told)
-        return partly if self.count_accepted(partly.doubts) > told else stepped
+        accepted = self.count_accepted(stepped.doubts)
+        partly = self.confirm(*adaptive, times_s, spend=agreed > LONGER * accepted)
+        return partly if self.count_accepted(partly.doubts) > accepted else stepped
 
     def accepts(self, doubt: float | Vector) -> NDArray[np.bool_]:
         """Whether a choice can be made with this uncertainty."""

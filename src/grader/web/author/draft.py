@@ -47,8 +47,8 @@ def publish(request: Request, services: AppServices, who: Instructor, form: Form
         return render(request, services, who, str(error) if form.get("revision") else NO_REVISION, 412)
     except ContentError:
         return render(request, services, who, "Nothing was published: mend the faults below.", 422)
-    told = {"loaded": "published", "regrade": form.get("regrade", "")}
-    return RedirectResponse(f"/instructor/content?{urlencode({name: it for name, it in told.items() if it})}", 303)
+    query = {"loaded": "published", "regrade": form.get("regrade", "")}
+    return RedirectResponse(f"/instructor/content?{urlencode({name: it for name, it in query.items() if it})}", 303)
 
 
 @router.get(f"{PAGE}/{{quiz_id}}/{{question_id}}")

@@ -105,13 +105,13 @@ def build_asked(
     policies: Mapping[str, Policy] = {quiz.id: policy}
     access = LearnerAccess(library, policies, "student", at, {(quiz.id, question.id): progress}, {}, {})
     decision = access.decide(quiz.id, question.id)
-    given = None
+    attempt = None
     if sample is not None:
         answer, verdict = sample
         shown = redact_json(verdict, decision)
-        given = GivenAnswer("preview", 1, at, answer, "done", shown, decision.withheld)
-    place = describe_place(access, quiz, question, given, None)
-    if given is not None and given.is_decided and decision.shown >= Visibility.FEEDBACK:
+        attempt = GivenAnswer("preview", 1, at, answer, "done", shown, decision.withheld)
+    place = describe_place(access, quiz, question, attempt, None)
+    if attempt is not None and attempt.is_decided and decision.shown >= Visibility.FEEDBACK:
         place = replace(place, points=sample[1].points if sample else None)
     view = present_question(library, quiz.id, question) | {"path": f"/try/{quiz.id}/{question.id}"}
     return describe_question(view, question, quiz.id, Work(access, {(quiz.id, question.id): place}), typed)

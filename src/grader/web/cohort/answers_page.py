@@ -148,9 +148,9 @@ def make_address(attempt: ClassAttempt) -> str:
 def list_family(at: ClassAt, family: Family) -> ListedAnswer:
     """Returns a mistake with its learners: those who still make it first."""
     people = [
-        find_person(at, made, is_still=is_still)
+        find_person(at, mistake, is_still=is_still)
         for is_still, some in ((True, family.still), (False, family.was))
-        for made in some
+        for mistake in some
     ]
     return ListedAnswer(
         family.key, family.name, family.sentence, len(family.still), len(family.was), tuple(people[:NAMES]),
@@ -164,9 +164,9 @@ def count_shown(families: Sequence[Family]) -> int:
     return len(families) if len(families) <= several + ALONE else max(several, ALONE)
 
 
-def find_person(at: ClassAt, made: LearnerMistake, *, is_still: bool) -> Person:
+def find_person(at: ClassAt, mistake: LearnerMistake, *, is_still: bool) -> Person:
     """Returns who made a mistake, and the answer in which they did."""
-    attempt = at.answers.find(made.submission)
+    attempt = at.answers.find(mistake.submission)
     assert attempt is not None
     return Person(attempt.name, make_address(attempt), is_still)
 

@@ -51,15 +51,15 @@ def show_scripts(
     family = at.find_family(mistake)
     if family is None:
         raise NotFound("No answer ends in this mistake any more.")
-    made = [
+    listed = [
         *((attempt.submission, True) for attempt in family.still),
         *((attempt.submission, False) for attempt in family.was),
     ]
     with services.database.read() as session:
-        rows = {row.id: row.answer for row in submissions.get_several(session, [id_ for id_, _ in made])}
-    shown = made[start : start + SCRIPTS]
+        rows = {row.id: row.answer for row in submissions.get_several(session, [id_ for id_, _ in listed])}
+    shown = listed[start : start + SCRIPTS]
     scripts = [make_script(at, id_, rows[id_], is_still=is_still) for id_, is_still in shown]
-    following = start + SCRIPTS if len(made) > start + SCRIPTS else None
+    following = start + SCRIPTS if len(listed) > start + SCRIPTS else None
     context: dict[str, Any] = {"at": at, "family": family, "scripts": scripts, "start": start, "following": following}
     return page(request, "class_scripts.html", who=who, **context)
 
@@ -68,8 +68,8 @@ def make_script(at: ClassAt, submission: str, answer: str, *, is_still: bool) ->
     """Returns one script; without lines where it was erased."""
     attempt = at.answers.find(submission)
     assert attempt is not None
-    given = json.loads(answer) if answer else None
-    source = str(given.get("source", "")) if isinstance(given, dict) else ""
+    value = json.loads(answer) if answer else None
+    source = str(value.get("source", "")) if isinstance(value, dict) else ""
     sentence = "" if attempt.mistake is None else attempt.mistake.sentence
     return Script(
         attempt.name,

@@ -141,12 +141,12 @@ def save(request: Request, services: AppServices, who: Instructor, form: Form) -
 
 def explain(faults: str) -> list[str]:
     """Says faults of a policy with the labels of the page in place of its keys."""
-    told = []
+    troubles = []
     for line in faults.splitlines():
         key, _, why = line.partition(": ")
         label, _ = LABELS[key.partition(".")[0]]
-        told.append(f"{label}: {why}" if key in LABELS else f"{label} ({key}): {why}")
-    return told
+        troubles.append(f"{label}: {why}" if key in LABELS else f"{label} ({key}): {why}")
+    return troubles
 
 
 def read_moments(shown: Policy, form: Mapping[str, str]) -> dict[str, str]:
@@ -197,9 +197,9 @@ def read_value(key: str, typed: Mapping[str, str]) -> Any:
         case "number":
             return read_number(typed[key], int) if typed[key] else None
         case "late":
-            given = {name: typed[field] for name, field in LATE.items() if typed[field]}
+            texts = {name: typed[field] for name, field in LATE.items() if typed[field]}
             return {name: f"{value}Z" if name == "until" else read_number(value, float)
-                    for name, value in given.items()} or None  # fmt: skip
+                    for name, value in texts.items()} or None  # fmt: skip
         case _:
             return typed[key]
 

@@ -68,8 +68,8 @@ class Listing:
     def query(self, start: int) -> str:
         """Returns the query of the page with these members, after the first `start`."""
         query = {"find": self.wanted.find, "role": self.wanted.role, "start": start}
-        asked = urlencode({name: value for name, value in query.items() if value})
-        return f"?{asked}" if asked else ""
+        encoded = urlencode({name: value for name, value in query.items() if value})
+        return f"?{encoded}" if encoded else ""
 
 
 def read_listing(
@@ -186,19 +186,19 @@ def invite(request: Request, services: AppServices, who: Instructor, form: Form)
         if len(names) > invitations.NAMES_AT_ONCE:
             raise Unprocessable(f"Invite at most {invitations.NAMES_AT_ONCE} at once.")
         with services.database.write() as session:
-            made = invitations.invite(session, who, who.course, names, form.get("role", ""))
+            created = invitations.invite(session, who, who.course, names, form.get("role", ""))
     except CallerError as error:
         return render(request, services, who, "invitations", 422, typed=form, trouble=str(error))
-    return render_links(request, services, who, "invitations", made)
+    return render_links(request, services, who, "invitations", created)
 
 
 def render_links(
-    request: Request, services: Services, who: Identity, part: Part, made: Sequence[invitations.Invitation], *,
+    request: Request, services: Services, who: Identity, part: Part, created: Sequence[invitations.Invitation], *,
     listed: Listing = Listing(),
 ) -> Response:  # fmt: skip
     """Renders the page with new links, which are shown this once."""
     origin = services.origin_of(request)
-    links = [(invitation.member.name, f"{origin}/signin?code={invitation.code}") for invitation in made]
+    links = [(invitation.member.name, f"{origin}/signin?code={invitation.code}") for invitation in created]
     table = "".join(write_lines([("name", "link"), *((guard(name), url) for name, url in links)]))
     return render(request, services, who, part, listed=listed, links=links, links_table=table)
 
@@ -241,13 +241,13 @@ def change_member(
                 member = people.get(session, member_id, who.course)
                 if member is None:
                     raise NotFound("There is no such member.")
-                made = invitations.invite_member(session, who, member)
+                invitation = invitations.invite_member(session, who, member)
     except Unauthorized:
         raise
     except CallerError as error:
         return render(request, services, who, "members", 409, listed=listed, trouble=str(error))
     if do == "link":
-        return render_links(request, services, who, "members", [made], listed=listed)
+        return render_links(request, services, who, "members", [invitation], listed=listed)
     return RedirectResponse(PAGE + listed.query(listed.start), 303)
 
 

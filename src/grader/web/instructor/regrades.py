@@ -48,10 +48,10 @@ def list_page(
 def start(request: Request, services: AppServices, who: Instructor, form: Form) -> Response:
     """Starts a regrade and redirects to it; shows the form again if it is refused. Raises Unauthorized, Forbidden."""
     try:
-        made = regrades.create(services.database, services.library_for(who), who, parse_wanted(form))
+        regrade = regrades.create(services.database, services.library_for(who), who, parse_wanted(form))
     except CallerError as error:
         return render_list(request, services, who, 409, trouble=str(error), what=form.get("what", ""))
-    return RedirectResponse(f"{PAGE}/{made.id}", 303)
+    return RedirectResponse(f"{PAGE}/{regrade.id}", 303)
 
 
 @router.get(f"{PAGE}/{{regrade_id}}")
@@ -90,10 +90,10 @@ def apply(request: Request, regrade_id: str, services: AppServices, who: Instruc
     with services.database.read() as session:
         tried = regrades.restore_wanted(regrades.get(session, regrade_id, who.course))
     try:
-        made = regrades.create(services.database, services.library_for(who), who, tried)
+        regrade = regrades.create(services.database, services.library_for(who), who, tried)
     except CallerError as error:
         return render_list(request, services, who, 409, trouble=str(error))
-    return RedirectResponse(f"{PAGE}/{made.id}", 303)
+    return RedirectResponse(f"{PAGE}/{regrade.id}", 303)
 
 
 def render_list(request: Request, services: Services, who: Identity, status: int = 200, **more: Any) -> Response:

@@ -78,12 +78,12 @@ def home(request: Request, services: AppServices, who: Visitor) -> Response:
     library = services.library_for(who)
     with services.database.read() as session:
         today = read_today(services.desk_of(who.course), session, who)
-        asked, stuck = list_requests(session, who), find_stuck_learners(session, who)
+        requests, stuck = list_requests(session, who), find_stuck_learners(session, who)
         marks = make_marks(session, who.course) if stuck else {}
         alive, scripts = services.monitor.workers_alive(session), jobs.read_state(session)[jobs.GRADE]
         state = describe_course(session, library, who.course)
         shared = find_shared_mistakes(session, who.course)
-    tasks = [*list_tasks(library, today), *list_stuck(library, stuck, marks), *list_platform_tasks(asked)]
+    tasks = [*list_tasks(library, today), *list_stuck(library, stuck, marks), *list_platform_tasks(requests)]
     refused = services.content.of(who.course).refused
     shown: dict[str, Any] = {"today": today, "alive": alive, "scripts": scripts, "faults": library.warnings}
     return page(
@@ -219,20 +219,20 @@ def stuck(request: Request, services: AppServices, who: Visitor) -> Response:
 def list_requests(session: Session, who: Identity) -> list[str]:
     """Says what learning platforms wait for: links to this course, and for administrators their approval."""
     contexts = administration.list_contexts(session, who.course)
-    asked = [f"{context['title']} asks for a link" for context in contexts if not context["course"]]
+    requests = [f"{context['title']} asks for a link" for context in contexts if not context["course"]]
     platforms = administration.list_platforms(session) if who.course == DEFAULT_COURSE else []
     pending = [
         platform for platform in platforms if not all(each["approved"] for each in (platform, *platform["deployments"]))
     ]
-    return asked + [f"{platform['name']} waits for approval" for platform in pending]
+    return requests + [f"{platform['name']} waits for approval" for platform in pending]
 
 
-def list_platform_tasks(asked: Sequence[str]) -> Iterable[Task]:
+def list_platform_tasks(requests: Sequence[str]) -> Iterable[Task]:
     """Yields the platforms that wait, if any do."""
-    if asked:
-        lines = tuple(Line(text, "", "/instructor/lti") for text in asked)
-        title = "request of a learning platform" if len(asked) == 1 else "requests of learning platforms"
-        yield Task(str(len(asked)), title, lines, "/instructor/lti", "Open")
+    if requests:
+        lines = tuple(Line(text, "", "/instructor/lti") for text in requests)
+        title = "request of a learning platform" if len(requests) == 1 else "requests of learning platforms"
+        yield Task(str(len(requests)), title, lines, "/instructor/lti", "Open")
 
 
 @router.get(f"{PAGE}/content")
@@ -247,8 +247,8 @@ def content(
         return show_sign_in(request, services, who)
     library, refused = services.library_for(who), services.content.of(who.course).refused
     quizzes = [describe_quiz(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
-    titles, asked = list_titles(library), regrade.split(",")
-    to_regrade = [(f"{at[0]}/{at[1]}", title) for at, title in titles.items() if f"{at[0]}/{at[1]}" in asked]
+    titles, chosen = list_titles(library), regrade.split(",")
+    to_regrade = [(f"{at[0]}/{at[1]}", title) for at, title in titles.items() if f"{at[0]}/{at[1]}" in chosen]
     return page(
         request, "content.html", who=who, quizzes=quizzes, remarks=library.warnings, refused=refused, loaded=loaded,
         to_regrade=to_regrade,

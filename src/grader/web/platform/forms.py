@@ -173,9 +173,10 @@ async def do_register(request: Request, tool: LtiTool, services: AppServices, pa
     if used_up is None:
         raise Unauthorized("This registration link is unknown, used or too old. `grader lti register-link` makes one.")
     url = form.get("openid_configuration", "")
-    made = await register(tool.requester, url, form.get("registration_token", ""), services.origin_of(request))
+    registered = await register(tool.requester, url, form.get("registration_token", ""), services.origin_of(request))
     row = await run_in_threadpool(
-        services.sessions.writing, lambda session: rules.add(session, None, made.registration, made.deployment_id)
+        services.sessions.writing,
+        lambda session: rules.add(session, None, registered.registration, registered.deployment_id),
     )
     headers = PRIVATE | {POLICY: security_policy([read_origin(url)])}
     return page(request, "lti_registered.html", 200, headers, platform=row)

@@ -26,7 +26,7 @@ ALL_INTEGRATORS = "all integrators"
 CURE = "Draw more numbers, from wider ranges; or raise luck in the question's file, and say why in x-luck."
 
 
-def word_key(asked: AnswerKey, certificate: Certificate) -> list[tuple[str, list[str]]]:
+def word_key(key: AnswerKey, certificate: Certificate) -> list[tuple[str, list[str]]]:
     """Returns the sentences of a certificate under their headings; none where nothing was measured."""
     if not certificate.measured:
         return []
@@ -34,8 +34,8 @@ def word_key(asked: AnswerKey, certificate: Certificate) -> list[tuple[str, list
         "stage": describe_stages, "threshold": describe_threshold, "measurement": describe_measurement,
         "expression": describe_expression, "options": describe_options, "outcome": describe_outcome,
     }[certificate.method]  # fmt: skip
-    simulated, words = method(certificate.measured, find_unit(asked))
-    headed = [("Simulated", [simulated]), ("Came out", words), ("The key", [describe_key(asked, certificate)])]
+    simulated, words = method(certificate.measured, find_unit(key))
+    headed = [("Simulated", [simulated]), ("Came out", words), ("The key", [describe_key(key, certificate)])]
     if "shortest timestep [s]" in certificate.regime:
         headed.insert(1, ("Checked", [describe_regime(certificate.regime)]))
     return [(heading, [keep_unbroken(line) for line in lines]) for heading, lines in headed]
@@ -50,9 +50,9 @@ def describe_regime(regime: Mapping[str, Any]) -> str:
     return f"{fastest}. The timesteps went from {own} to {shortest}: what is faster stays unseen."
 
 
-def find_unit(asked: AnswerKey) -> str:
+def find_unit(key: AnswerKey) -> str:
     """Returns the unit of a number that is asked for; empty where none is."""
-    return (asked.unit or "") if isinstance(asked, NumberKey) else ""
+    return (key.unit or "") if isinstance(key, NumberKey) else ""
 
 
 def format_amount(value: float | None, unit: str) -> str:
@@ -60,13 +60,13 @@ def format_amount(value: float | None, unit: str) -> str:
     return write_quantity(value, unit, DIGITS) if unit else write_number(value, DIGITS)
 
 
-def describe_key(asked: AnswerKey, certificate: Certificate) -> str:
+def describe_key(key: AnswerKey, certificate: Certificate) -> str:
     """Says what the key says, and how far the simulation is from it."""
-    if not isinstance(asked, NumberKey):
+    if not isinstance(key, NumberKey):
         finds = {"certified": "finds the same", "refuted": "finds another answer", "cannot tell": "cannot tell"}
-        right = plain_text(asked.options[int(certificate.expected)])
+        right = plain_text(key.options[int(certificate.expected)])
         return f"“{right}”: the simulation {finds[certificate.verdict]}."
-    unit, tolerance = find_unit(asked), certificate.tolerance
+    unit, tolerance = find_unit(key), certificate.tolerance
     if certificate.answer is None or tolerance is None:
         return f"{format_amount(certificate.expected, unit)}."
     off = abs(certificate.answer - certificate.expected)

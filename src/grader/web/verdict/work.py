@@ -229,10 +229,10 @@ def compare_attempts(attempts: Sequence[GivenAnswer]) -> list[GivenAnswer]:
 def read_answers(session: Session, access: LearnerAccess, rows: Sequence[Submission]) -> list[GivenAnswer]:
     """Stored answers as the learner may see them now."""
     verdicts, marks = submissions.read_verdicts(session, rows), submissions.last_marks(session, rows)
-    given = [read_answer(access, row, verdicts.get(row.id), marks.get(row.id)) for row in rows]
-    scripts = [attempt.id for attempt in given if attempt.is_script and attempt.withheld is None]
+    attempts = [read_answer(access, row, verdicts.get(row.id), marks.get(row.id)) for row in rows]
+    scripts = [attempt.id for attempt in attempts if attempt.is_script and attempt.withheld is None]
     comments = read_comments(session, scripts)
-    return [replace(attempt, comments=comments.get(attempt.id, ())) for attempt in given]
+    return [replace(attempt, comments=comments.get(attempt.id, ())) for attempt in attempts]
 
 
 def read_comments(session: Session, ids: Sequence[str]) -> dict[str, list[Comment]]:

@@ -148,14 +148,14 @@ def write_zip(entries: Iterable[Entry], course: str) -> bytes:
         USERS: [USER_COLUMNS, *(make_user_row(person) for person in people)],
         ENROLLMENTS: [ENROLLMENT_COLUMNS, *(make_enrollment_row(person, course) for person in people)],
     }
-    made = io.BytesIO()
-    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as packed:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as packed:
         for name, rows in files.items():
             member = zipfile.ZipInfo(name)  # of no day: the same roster gives the same file, and the same ETag
             member.external_attr = 0o644 << 16
             text = "".join(write_lines([guard(cell) for cell in row] for row in rows))
             packed.writestr(member, text, zipfile.ZIP_DEFLATED)
-    return made.getvalue()
+    return buffer.getvalue()
 
 
 def make_manifest() -> list[Sequence[str]]:

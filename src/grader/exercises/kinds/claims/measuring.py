@@ -166,9 +166,9 @@ class ProblemKey:
 
 
 @lru_cache(maxsize=MEASURED_MAX)
-def _measure_kept(kept: ProblemKey) -> tuple[MeasuredClaim, ...]:
-    bench = Bench(kept.problem)
-    return tuple(measure_claim(bench, index) for index in range(len(kept.problem.claims)))
+def _measure_kept(key: ProblemKey) -> tuple[MeasuredClaim, ...]:
+    bench = Bench(key.problem)
+    return tuple(measure_claim(bench, index) for index in range(len(key.problem.claims)))
 
 
 def measure_claim(bench: Bench, index: int) -> MeasuredClaim:

@@ -61,19 +61,19 @@ def judge_model(problem: Problem, results: Results) -> Judgement[Outcome]:
     """Returns the judgement on one case. Raises ValueError where the reference itself cannot be measured, which is a
     fault of the author's."""
     report = json.loads(results["report"].tobytes())
-    made, reference = report["model"], report["reference"]
+    submitted, reference = report["model"], report["reference"]
     if "error" in reference:
         raise ValueError(f"the reference cannot be measured: {reference['error']}")
-    if "error" in made:
-        error = " ".join(str(made["error"]).split())
+    if "error" in submitted:
+        error = " ".join(str(submitted["error"]).split())
         return Judgement(False, f"MuJoCo cannot compile the model: {error}", Outcome(error=error))
     parts, missing = list[Part](), list[str]()
     for index, goal in enumerate(problem.case.goals):
-        mine, its = made["goals"][index], reference["goals"][index]
-        compared = dict(compare_goal(goal, mine, its, made["names"]))
+        mine, its = submitted["goals"][index], reference["goals"][index]
+        compared = dict(compare_goal(goal, mine, its, submitted["names"]))
         missing += [name for each in compared.values() for name in each.missing]
         parts.append(judge_goal(goal, str(index + 1), compared, runs=problem.case.seconds > 0))
-    outcome = Outcome(made["goals"], made["geoms"], reference["geoms"], missing=tuple(dict.fromkeys(missing)))
+    outcome = Outcome(submitted["goals"], submitted["geoms"], reference["geoms"], missing=tuple(dict.fromkeys(missing)))
     message = next((part.message for part in parts if not part.passed), "The model is as it should be.")
     return Judgement(all(part.passed for part in parts), message, outcome, parts=tuple(parts))
 

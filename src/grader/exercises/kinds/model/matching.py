@@ -23,10 +23,10 @@ def run(student: object, inputs: Mapping[str, Any], submit: Callable[[str, Any],
 def is_like(texts: list[str], trials: list[Mapping[str, Any]]) -> bool:
     """Whether a variant does in each trial what the student's model does."""
     for trial in trials:
-        made = names["describe"](texts[trial["text"]], trial, halved=False)
-        if "goals" not in made:
+        described = names["describe"](texts[trial["text"]], trial, halved=False)
+        if "goals" not in described:
             return False
-        for mine, its in zip(trial["found"], made["goals"], strict=True):
+        for mine, its in zip(trial["found"], described["goals"], strict=True):
             if not (agree(mine["same"], its["same"]) and agree(mine["within"], its["within"])):
                 return False
     return True

@@ -77,14 +77,14 @@ class System:
 
     def select_independent(self, terms: Sequence[Term]) -> list[Term]:
         """Returns the terms without those that are zero or equal to an earlier one."""
-        kept: list[Term] = []
+        independent: list[Term] = []
         for term in terms:
             column = self.terms.get(term)
             if column is not None and np.any(np.abs(column) > self.tolerance):
-                same = (np.all(np.abs(column - self.terms[index]) <= self.tolerance) for index in kept)
+                same = (np.all(np.abs(column - self.terms[index]) <= self.tolerance) for index in independent)
                 if not any(same):
-                    kept.append(term)
-        return kept
+                    independent.append(term)
+        return independent
 
 
 def format_coefficient(value: float) -> str:

@@ -112,5 +112,5 @@ def pose_scene(xml: str, start: tuple[tuple[str, float], ...]) -> Scene:
 
 def build_cells(parameters: ThresholdParameters, drawn: DrawnCase[Case]) -> Sequence[Cell]:
     """Returns a case's cells, one for each integrator."""
-    made = partial(Cell, drawn.case.id, drawn.xml, drawn.xml_as_written, tuple(parameters.start.items()))
-    return [made(BY_NAME[name]) for name in parameters.integrators]
+    make_cell = partial(Cell, drawn.case.id, drawn.xml, drawn.xml_as_written, tuple(parameters.start.items()))
+    return [make_cell(BY_NAME[name]) for name in parameters.integrators]

@@ -27,11 +27,11 @@ def make_arguments(drawn: DrawnCase[Any], path: str, function: str) -> tuple[Any
         raise WrongInCase("arguments", str(error)) from error
 
 
-def read_arguments(path: str, made: list[Any], xml: str) -> tuple[Any, ...]:
+def read_arguments(path: str, values: list[Any], xml: str) -> tuple[Any, ...]:
     """Returns arguments that a learner's function can be called with. Raises ValueError."""
-    if len(made) > ARGUMENTS_MAX:
-        raise ValueError(f"{path} makes {len(made)} arguments; at most {ARGUMENTS_MAX} are taken")
-    arguments = tuple(read_argument(f"argument {index} of {path}", value, xml) for index, value in enumerate(made, 1))
+    if len(values) > ARGUMENTS_MAX:
+        raise ValueError(f"{path} makes {len(values)} arguments; at most {ARGUMENTS_MAX} are taken")
+    arguments = tuple(read_argument(f"argument {index} of {path}", value, xml) for index, value in enumerate(values, 1))
     if (count := sum(np.size(argument) for argument in arguments)) > NUMBERS_MAX:
         raise ValueError(f"{path} makes {count} numbers; at most {NUMBERS_MAX} are taken")
     return arguments

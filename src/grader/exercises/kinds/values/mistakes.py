@@ -292,8 +292,10 @@ def explain_by_state(wrong: Sequence[StudentCall]) -> str | None:
 
 def explain_unchanged_fields(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence of fields that every wrong call leaves as they were."""
-    kept = [{result.field for result, _, _ in call.wrong_pairs} & {*list_unchanged_fields(call)} for call in wrong]
-    fields = [result.field for result in wrong[0].problem.function.results if all(result.field in one for one in kept)]
+    unchanged = [{result.field for result, _, _ in call.wrong_pairs} & {*list_unchanged_fields(call)} for call in wrong]
+    fields = [
+        result.field for result in wrong[0].problem.function.results if all(result.field in one for one in unchanged)
+    ]
     if not fields:
         return None
     names = " and ".join(f"data.{field}" for field in fields)

@@ -98,8 +98,8 @@ class Script(QuestionKind[ScriptQuestion, str]):
     def view(self, question: ScriptQuestion) -> dict[str, Any]:
         """Returns what to hand in, what a script may use, and whether there is a file to begin with."""
         limits = question.limits.model_dump()
-        asked = {"takes": question.takes, "entry": question.entry}
-        return {**asked, "limits": limits, "has_starter": question.starter is not None}
+        view = {"takes": question.takes, "entry": question.entry}
+        return {**view, "limits": limits, "has_starter": question.starter is not None}
 
     def starter(self, question: ScriptQuestion) -> str | None:
         """Returns that of the question."""

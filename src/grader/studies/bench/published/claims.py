@@ -156,11 +156,11 @@ def least_precise(results: Results) -> str:
     every = len(precision.TIMESTEPS_S)
     some = sorted(((count, name) for name, count in counts.items() if count), reverse=True)
     demand(0 < len(some) < len(counts), counts)
-    told = [
+    shares = [
         f"{count} of {every}{' timesteps' if not k else ''} on the {describe_scene(name)}"
         for k, (count, name) in enumerate(some)
     ]
-    return f"the least precise of the five at {', '.join(told)} and 0 of {every} on the other scenes"
+    return f"the least precise of the five at {', '.join(shares)} and 0 of {every} on the other scenes"
 
 
 @claim
