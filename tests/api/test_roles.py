@@ -13,7 +13,7 @@ from sqlalchemy import select, update
 
 import grader
 from grader.courses.people import invitations, members, sign_in
-from grader.courses.people.identity import Identity, Kind, Role, Scope, issue, read_identity
+from grader.courses.people.identity import CredentialKind, Identity, Role, Scope, issue, read_identity
 from grader.courses.people.tokens import create_token
 from grader.courses.sending import webhooks
 from grader.errors import Unauthorized
@@ -259,7 +259,9 @@ def test_a_service_gets_no_link(either_site: Site, tina: httpx.Client) -> None:
 def test_a_way_back_is_no_longer_than_a_sign_in_for_an_instructor(either_site: Site) -> None:
     for role, lifetime in (("instructor", sign_in.SIGN_IN_CODE), ("student", sign_in.RETURN_CODE)):
         assert browser_of(either_site, role, role).post("/signout/link").status_code == 200
-        links = select(Credential).where(Credential.course == either_site.course, Credential.kind == Kind.SIGN_IN)
+        links = select(Credential).where(
+            Credential.course == either_site.course, Credential.kind == CredentialKind.SIGN_IN
+        )
         with database_of(either_site).read() as session:
             [link] = session.scalars(links.where(Credential.user == role, Credential.revoked_at.is_(None)))
         assert link.expires_at is not None
@@ -275,7 +277,7 @@ def ended(site: Site) -> Identity:
     with database_of(site).write() as session:
         member = members.get_named(session, "prof", Role.INSTRUCTOR, site.course)
         session.flush()
-        issue(session, Kind.TOKEN, member)
+        issue(session, CredentialKind.TOKEN, member)
         session.flush()
         credential = session.scalars(select(Credential).where(Credential.member == member.id)).one()
         who = read_identity(credential)

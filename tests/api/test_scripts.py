@@ -19,7 +19,7 @@ from grader.errors import JailFault
 from grader.exercises import Tell
 from grader.gate.streams import STREAMS_MAX
 from grader.grading.pipeline import Retries
-from grader.grading.processes import Graders, Script
+from grader.grading.processes import Graders, ScriptJob
 from grader.library import Library
 from grader.queue import jobs
 from grader.queue.jobs import JobRow
@@ -330,10 +330,10 @@ class RecordingGraders(Graders):
 
     def __init__(self, fault: JailFault | None = None) -> None:
         super().__init__(0, allow_t2=False)
-        self.scripts: list[Script] = []
+        self.scripts: list[ScriptJob] = []
         self.fault = fault
 
-    def judge(self, _library: Library, script: Script, tell: Tell = ignore_progress) -> Verdict:
+    def judge(self, _library: Library, script: ScriptJob, tell: Tell = ignore_progress) -> Verdict:
         self.scripts.append(script)
         if self.fault is not None:
             raise self.fault

@@ -14,24 +14,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grader.courses.rules.csv_cells import guard, unguard
-from grader.courses.rules.gradebook import Column, Form, Row, gradebook_csv, list_headings, number
+from grader.courses.rules.gradebook import Column, Form, LearnerRow, gradebook_csv, list_headings, number
 
 COLUMNS = [
     Column("1.3-check", "q1", "Knowledge check, 1", 1.0, "4711"),
     Column("1.3-exercises", "rk4-step", 'The "RK4"\nstep', 3.0),
 ]
 IDS = [("1.3-check", "q1"), ("1.3-exercises", "rk4-step")]
-ADA = Row("Ada Löwe", "ada", "7f3a", "ada@uni.example", "A", "17", "s17", {IDS[0]: 1.0, IDS[1]: 2.25})
-BOB = Row("bob", "bob", points={IDS[1]: 1 / 3})
+ADA = LearnerRow("Ada Löwe", "ada", "7f3a", "ada@uni.example", "A", "17", "s17", {IDS[0]: 1.0, IDS[1]: 2.25})
+BOB = LearnerRow("bob", "bob", points={IDS[1]: 1 / 3})
 RUNS = "=+-@\t\r"
 
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=8)
 texts |= st.tuples(st.text("'", max_size=2), st.sampled_from(RUNS), texts).map("".join)
 points = st.dictionaries(st.sampled_from(IDS), st.floats(0, 1000).map(lambda value: round(value, 9)))
-learners = st.builds(Row, texts, texts, texts, texts, texts, texts, texts, points, st.sampled_from(["", "…7f3a"]))
+learners = st.builds(
+    LearnerRow, texts, texts, texts, texts, texts, texts, texts, points, st.sampled_from(["", "…7f3a"])
+)
 
 
-def lines(rows: Sequence[Row], form: Form = Form.GENERIC) -> list[list[str]]:
+def lines(rows: Sequence[LearnerRow], form: Form = Form.GENERIC) -> list[list[str]]:
     """The cells, read by the csv module."""
     return list(csv.reader(list(gradebook_csv(rows, COLUMNS, form)), strict=True))
 
@@ -46,7 +48,7 @@ def test_the_generic_form() -> None:
 
 def test_a_name_begins_no_new_cell_where_semicolons_separate_them() -> None:
     """As Excel reads the file in countries where the decimal sign is a comma."""
-    row = Row("Eve;=1+1;", "eve\t=1+1")
+    row = LearnerRow("Eve;=1+1;", "eve\t=1+1")
     line = list(gradebook_csv([row], COLUMNS))[-1]
     for separator in ";\t":
         (read,) = csv.reader([line], delimiter=separator, strict=False)
@@ -71,7 +73,7 @@ def test_moodle_gets_columns_to_map_by_hand() -> None:
 
 
 @given(st.lists(learners, max_size=4))
-def test_what_was_written_is_read_back(rows: list[Row]) -> None:
+def test_what_was_written_is_read_back(rows: list[LearnerRow]) -> None:
     header, *found = lines(rows)
     keys = [tuple(name.split("/")) for name in header[3:-2]]
     assert keys == IDS
@@ -93,7 +95,7 @@ def test_what_was_written_is_read_back(rows: list[Row]) -> None:
 
 
 @given(st.lists(learners, min_size=1, max_size=3), st.sampled_from(list(Form)))
-def test_no_cell_is_a_formula(rows: list[Row], form: Form) -> None:
+def test_no_cell_is_a_formula(rows: list[LearnerRow], form: Form) -> None:
     columns = [Column("-quiz", "q", f"{rows[0].user}=1", 1.0), Column("quiz", "q", "=cmd|' /C calc'!A0", 1.0)]
     for line in csv.reader(list(gradebook_csv(rows, columns, form))):
         assert not [cell for cell in line if cell.lstrip(" ").startswith(tuple(RUNS))]
@@ -173,7 +175,9 @@ class Canvas:
         return next((student for student, (name, _, _) in self.students.items() if name == row[0]), None)
 
 
-def uploaded(canvas: Canvas, rows: Sequence[Row], columns: Sequence[Column] = COLUMNS, **options: bool) -> Canvas:
+def uploaded(
+    canvas: Canvas, rows: Sequence[LearnerRow], columns: Sequence[Column] = COLUMNS, **options: bool
+) -> Canvas:
     canvas.upload("".join(gradebook_csv(rows, columns, Form.CANVAS, **options)))
     return canvas
 
@@ -204,7 +208,7 @@ def test_no_title_leads_canvas_to_another_assignment_or_is_dropped() -> None:
     columns = [Column("quiz", f"q{n}", title, float(n)) for n, title in enumerate(TITLES, 1)]
     points = {("quiz", f"q{n}"): n / 2 for n in range(1, len(TITLES) + 1)}
     canvas = Canvas({2: ("Somebody else's", 100.0)}, {17: ("", "", "ada")})
-    uploaded(canvas, [Row("ada", "ada", points=points)], columns)
+    uploaded(canvas, [LearnerRow("ada", "ada", points=points)], columns)
     assert canvas.assignments[2] == ("Somebody else's", 100.0)
     assert sorted(canvas.grades.values()) == sorted(points.values())
     assert sorted(worth or 0 for _, worth in canvas.assignments.values()) == [*map(float, range(1, 9)), 100.0]
@@ -212,8 +216,8 @@ def test_no_title_leads_canvas_to_another_assignment_or_is_dropped() -> None:
 
 def test_a_learner_who_calls_themselves_points_possible_or_like_another_changes_nothing() -> None:
     canvas = Canvas({4711: ("Knowledge check, 1", 1.0)}, {17: ("Ada", "s17", "ada")})
-    impostor = Row("ada", points={IDS[0]: 0.0})  # a name of their own choice is no login
-    uploaded(canvas, [ADA, impostor, Row("My Points Possible", points={IDS[0]: 0.5})])
+    impostor = LearnerRow("ada", points={IDS[0]: 0.0})  # a name of their own choice is no login
+    uploaded(canvas, [ADA, impostor, LearnerRow("My Points Possible", points={IDS[0]: 0.5})])
     assert canvas.assignments[4711][1] == 1.0
     assert canvas.grades[17, 4711] == 1.0
     assert canvas.unknown == ["ada", "My Points_Possible"]
@@ -261,7 +265,7 @@ def test_only_the_first_line_has_the_mark_of_utf8() -> None:
 def test_rows_are_streamed() -> None:
     taken = 0
 
-    def rows() -> Iterator[Row]:
+    def rows() -> Iterator[LearnerRow]:
         nonlocal taken
         while True:
             taken += 1

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from grader.courses.rules import statistics
 from grader.courses.rules.statistics import (
     QuestionStatistics,
-    Row,
+    ResultRow,
     find_clusters,
     group_crash,
     mean_share,
@@ -29,14 +29,14 @@ from grader.domain.verdict import Status
 shares = st.lists(st.integers(0, 3).map(lambda n: n / 3), min_size=1, max_size=40)
 
 
-def row(learner: object, question: str, points: float, **more: object) -> Row:
+def row(learner: object, question: str, points: float, **more: object) -> ResultRow:
     status = Status.CORRECT if points == 1 else Status.INCORRECT
-    return Row(**{"learner": str(learner), "question": question, "points": points, "max_points": 1.0,
+    return ResultRow(**{"learner": str(learner), "question": question, "points": points, "max_points": 1.0,
                   "first_status": status, **more})  # type: ignore[arg-type]  # fmt: skip
 
 
 def statistics_of(
-    rows: Sequence[Row], tolerances: Mapping[str, Sequence[float]] | None = None
+    rows: Sequence[ResultRow], tolerances: Mapping[str, Sequence[float]] | None = None
 ) -> tuple[QuestionStatistics, ...]:
     pieces = [rows[:5], rows[5:]]
     return statistics.compute_statistics(list(tally_answers(pieces, tolerances).values()))

@@ -4,7 +4,7 @@ import pytest
 
 from grader.exercises.explaining.claims import Evidence, build_claims, correct_sentence
 from grader.exercises.explaining.places import find_landmark
-from grader.exercises.explaining.script import NO_SCRIPT, Script
+from grader.exercises.explaining.script import NO_SCRIPT, ParsedScript
 from grader.exercises.explaining.values import find_origin, find_view
 from grader.exercises.kinds.rk4.script_facts import LANDMARKS as OF_STEPS
 from grader.exercises.kinds.threshold.script_facts import LANDMARKS as OF_SEARCHES
@@ -52,7 +52,7 @@ def largest(model, integrator):
     ],
 )
 def test_a_sentence_on_a_search_points_at_its_line(sentence: str, line: int | None) -> None:
-    assert find_landmark(sentence, Script(SEARCH), OF_SEARCHES) == line
+    assert find_landmark(sentence, ParsedScript(SEARCH), OF_SEARCHES) == line
     assert find_landmark(sentence, NO_SCRIPT, OF_SEARCHES) is None
 
 
@@ -80,7 +80,7 @@ def is_stable(model, h):
 )
 def test_a_criterion_of_ones_own_is_pointed_at_and_no_other_line(in_loop: str, returned: str, line: int | None) -> None:
     source = OWN_TEST.format(in_loop, returned)
-    assert find_landmark("raised no warning, and you call it unstable.", Script(source), OF_SEARCHES) == line
+    assert find_landmark("raised no warning, and you call it unstable.", ParsedScript(source), OF_SEARCHES) == line
 
 
 WRITES = """def step(model, data):
@@ -111,21 +111,21 @@ WRITES = """def step(model, data):
     ],
 )
 def test_a_written_variable_leads_to_the_line_that_computes_it(line: int, field: str, origin: int) -> None:
-    assert find_origin(Script(WRITES), line, field) == origin
+    assert find_origin(ParsedScript(WRITES), line, field) == origin
     assert find_origin(NO_SCRIPT, line, field) == line
 
 
 @pytest.mark.parametrize(("fields", "line"), [(["qvel"], 2), (["qacc", "act_dot"], 12), (["qpos"], None)])
 def test_the_line_that_keeps_a_field_without_a_copy_is_found(fields: list[str], line: int | None) -> None:
-    assert find_view(Script(WRITES), fields) == line
+    assert find_view(ParsedScript(WRITES), fields) == line
 
 
 def test_the_last_assignment_to_a_field_is_pointed_at() -> None:
     source = "def f(m, d):\n    h = m.opt.timestep\n    m.opt.timestep = h / 2\n    m.opt.timestep /= 2\n    x = h\n"
     sentence = "Your step changes the model that it is given: after the first call model.opt.timestep is 0.25 times"
-    assert find_landmark(sentence, Script(source), OF_STEPS) == 4
-    assert Script("setattr(m.opt, 'timestep', 1)").find_write("timestep") == 1
-    assert Script("m.body_mass[1] = 2").find_write("body_mass") == 1
+    assert find_landmark(sentence, ParsedScript(source), OF_STEPS) == 4
+    assert ParsedScript("setattr(m.opt, 'timestep', 1)").find_write("timestep") == 1
+    assert ParsedScript("m.body_mass[1] = 2").find_write("body_mass") == 1
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_the_last_assignment_to_a_field_is_pointed_at() -> None:
 )
 def test_the_test_of_a_bisection_is_found(update: str, line: int | None) -> None:
     source = f"while high - low > w:\n    mid = 0.5 * (low + high)\n{update}"
-    assert find_landmark("Your test is the wrong way round", Script(source), OF_SEARCHES) == line
+    assert find_landmark("Your test is the wrong way round", ParsedScript(source), OF_SEARCHES) == line
 
 
 @pytest.mark.parametrize(
@@ -151,16 +151,16 @@ def test_the_test_of_a_bisection_is_found(update: str, line: int | None) -> None
     ],
 )  # fmt: skip
 def test_what_lives_on_between_calls_is_seen(source: str, keeps: bool) -> None:
-    assert Script(source).keeps_values_outside is keeps
+    assert ParsedScript(source).keeps_values_outside is keeps
 
 
 def test_a_view_is_told_from_a_copy() -> None:
-    assert Script("k = data.qacc").has_view("qacc")
-    assert Script("ks.append(data.qacc)").has_view("qacc")
-    assert Script("q, v = data.qpos[:], 1").has_view("qpos")
-    assert not Script("k = data.qacc.copy()").has_view("qacc")
-    assert not Script("k = np.array(data.qacc)").has_view("qacc")
-    assert not Script("k = 2 * data.qacc").has_view("qacc")
+    assert ParsedScript("k = data.qacc").has_view("qacc")
+    assert ParsedScript("ks.append(data.qacc)").has_view("qacc")
+    assert ParsedScript("q, v = data.qpos[:], 1").has_view("qpos")
+    assert not ParsedScript("k = data.qacc.copy()").has_view("qacc")
+    assert not ParsedScript("k = np.array(data.qacc)").has_view("qacc")
+    assert not ParsedScript("k = 2 * data.qacc").has_view("qacc")
 
 
 @pytest.mark.parametrize(
@@ -173,14 +173,14 @@ def test_a_view_is_told_from_a_copy() -> None:
     ],
 )  # fmt: skip
 def test_what_a_script_looks_for_is_said(test: str, said: str) -> None:
-    found = describe_test(Script(f"def f(data):\n    return {test}\n"))
+    found = describe_test(ParsedScript(f"def f(data):\n    return {test}\n"))
     assert said in found
     assert bool(said) is bool(found)
 
 
 def test_no_script_is_too_odd_to_be_read() -> None:
     for source in ("def (", "x = " + "+".join("1" * 5000), "\0", "x = 1\n" * 100_000, "é = [\n"):
-        script = Script(source)
+        script = ParsedScript(source)
         script.has_loop, script.names, script.returns_in_loops, script.keeps_values_outside  # noqa: B018
         assert find_landmark("Your middle is", script, OF_SEARCHES) is None
 
@@ -188,5 +188,5 @@ def test_no_script_is_too_odd_to_be_read() -> None:
 def test_weaker_words_stand_in_the_place_of_what_is_not_true() -> None:
     claims = build_claims([(r"your loop (\w+)", lambda evidence, match: evidence.script.has_loop, r"something \1")])
     said = "Mend it: your loop ends early."
-    assert correct_sentence(said, Evidence(Script("x = 1"), (), ()), claims) == "Mend it: something ends early."
-    assert correct_sentence(said, Evidence(Script("for x in y: pass"), (), ()), claims) == said
+    assert correct_sentence(said, Evidence(ParsedScript("x = 1"), (), ()), claims) == "Mend it: something ends early."
+    assert correct_sentence(said, Evidence(ParsedScript("for x in y: pass"), (), ()), claims) == said

@@ -22,7 +22,7 @@ from grader.exercises.running import program_calls
 from grader.exercises.running.program_calls import AnswerCache, ProgramCall, ProgramCalls, call_program
 from grader.grading.films import record_films
 from grader.grading.pipeline import Pipeline
-from grader.grading.processes import GradingProcess, Script
+from grader.grading.processes import GradingProcess, ScriptJob
 from grader.library import Library, PassedChecks, authors_jail, load
 from grader.sandbox.jail import Jail
 
@@ -312,7 +312,7 @@ def test_a_grading_process_calls_programs_in_its_own_jail(tmp_path: Path) -> Non
     try:
         process.wait_until_ready()
         for seed in (1, 2):
-            verdict = process.judge(library, Script("q", "two", {"source": SOLVED}, seed))
+            verdict = process.judge(library, ScriptJob("q", "two", {"source": SOLVED}, seed))
             assert verdict.status is Status.CORRECT
     finally:
         process.close()

@@ -14,10 +14,10 @@ from grader.exercises import plan_exercise
 from grader.exercises.driving import recorder
 from grader.exercises.kinds.rk4.judging import driver
 from grader.exercises.kinds.rk4.judging.run import Problem
-from grader.exercises.kinds.rk4.lines import END, Place, find_line
+from grader.exercises.kinds.rk4.lines import END, StepPlace, find_line
 from grader.exercises.kinds.rk4.mutants.catalogue import MUTANTS, OF_BARE_DATA, RIGHT, Mutant, combine
 from grader.exercises.kinds.rk4.mutants.matching import TakenSteps, find_match
-from grader.exercises.kinds.rk4.mutants.program import Program, take_step
+from grader.exercises.kinds.rk4.mutants.program import StepProgram, take_step
 from grader.exercises.kinds.rk4.step_trace import read_steps
 from grader.exercises.trace import Note, Trace, read_trace
 
@@ -52,7 +52,7 @@ def take() -> Iterator[Take]:
     mujoco.mj_forward, mujoco.mj_forwardSkip, driver.note = *originals, plain_note
 
 
-def as_function(program: Program) -> Callable[[mujoco.MjModel, mujoco.MjData], None]:
+def as_function(program: StepProgram) -> Callable[[mujoco.MjModel, mujoco.MjData], None]:
     """A program as a student writes it: it calls mujoco.mj_forward."""
 
     def step(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -169,19 +169,19 @@ Q, V, CALL = 1, 2, 16
 @pytest.mark.parametrize(
     ("place", "line"),
     [
-        (Place(1, "qpos", 2), 12), (Place(1, "qvel", 2), 13), (Place(0, "forward", 2), 10), (Place(END, "qpos", 2), 20),
-        (Place(END, "act", 2), None), (Place(1, "qpos", 3), None),
+        (StepPlace(1, "qpos", 2), 12), (StepPlace(1, "qvel", 2), 13), (StepPlace(0, "forward", 2), 10),
+        (StepPlace(END, "qpos", 2), 20), (StepPlace(END, "act", 2), None), (StepPlace(1, "qpos", 3), None),
     ],
 )  # fmt: skip
-def test_a_place_in_a_step_has_the_line_that_writes_it(place: Place, line: int | None) -> None:
+def test_a_place_in_a_step_has_the_line_that_writes_it(place: StepPlace, line: int | None) -> None:
     trace = rows((CALL, 10, 0, 0), (Q, 12, 0, 0), (V, 13, 0, 0), (CALL, 14, 0, 0), (Q, 20, 0, 0))
     assert find_line(trace, place) == line
 
 
 def test_of_a_line_that_the_stages_share_the_calling_line_is_told() -> None:
     trace = rows((CALL, 5, 10, 0), (Q, 4, 11, 0), (CALL, 5, 11, 0), (Q, 4, 12, 0), (CALL, 5, 12, 0), (Q, 20, 0, 0))
-    assert find_line(trace, Place(1, "qpos", 3)) == 11
-    assert find_line(trace, Place(2, "qpos", 3)) == 12
+    assert find_line(trace, StepPlace(1, "qpos", 3)) == 11
+    assert find_line(trace, StepPlace(2, "qpos", 3)) == 12
 
 
 @given(
@@ -189,7 +189,7 @@ def test_of_a_line_that_the_stages_share_the_calling_line_is_told() -> None:
 )
 def test_forged_lines_never_raise(numbers: list[float], after: int, part: str) -> None:
     trace = Trace((Note("lines", {}, np.array(numbers, dtype=np.float64)),))
-    line = find_line(trace, Place(after, part, max(after, 1)))
+    line = find_line(trace, StepPlace(after, part, max(after, 1)))
     assert line is None or float(line) in numbers
 
 

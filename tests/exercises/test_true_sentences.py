@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from grader.domain.run import Job, Limits, RunReport
 from grader.domain.verdict import Status, Verdict
 from grader.exercises.explaining.claims import CLAIMS, Evidence, correct_sentence, find_untrue
-from grader.exercises.explaining.script import Script
+from grader.exercises.explaining.script import ParsedScript
 from grader.exercises.kinds.threshold.judging.judge import Bracket
 from grader.exercises.kinds.threshold.search_trace import read_search
 from grader.exercises.kinds.values.mutants.edits import make_edits
@@ -196,8 +196,8 @@ def test_nothing_untrue_is_told_of_a_short_program(
 
 def test_a_claim_is_held_against_the_script() -> None:
     """The test itself can fail: a sentence of one program is not true of another."""
-    bare = Evidence(Script("def f(x):\n    return x\n"), (), ())
-    looped = Evidence(Script("def f(x):\n    while x:\n        return x\n"), (), ())
+    bare = Evidence(ParsedScript("def f(x):\n    return x\n"), (), ())
+    looped = Evidence(ParsedScript("def f(x):\n    while x:\n        return x\n"), (), ())
     assert list(find_untrue("Turn the test of your loop round.", bare)) == ["your loop"]
     assert not list(find_untrue("Turn the test of your loop round.", looped))
     assert correct_sentence("Line 7 raised a ValueError", bare) is None

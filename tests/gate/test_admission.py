@@ -8,7 +8,7 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
-from grader.courses.people.identity import CredentialCache, Identity, Kind, Role, issue
+from grader.courses.people.identity import CredentialCache, CredentialKind, Identity, Role, issue
 from grader.courses.people.members import get_named
 from grader.errors import (
     CallerError,
@@ -92,7 +92,7 @@ def test_a_token_is_valid_only_as_a_whole_and_until_it_is_revoked(site: Any) -> 
 def test_an_expired_token_is_401(site: Any) -> None:
     with site.app.state.services.database.write() as session:
         ann = get_named(session, "ann", Role.STUDENT)
-        expiring = issue(session, Kind.TOKEN, ann, timedelta(seconds=-1))
+        expiring = issue(session, CredentialKind.TOKEN, ann, timedelta(seconds=-1))
     response = site.anonymous({"Authorization": f"Bearer {expiring}"}).get(f"{API}/quizzes")
     assert response.status_code == 401
 

@@ -22,7 +22,7 @@ from sqlalchemy import MetaData, Table
 
 from grader.api import routes as api_routes
 from grader.courses.people import devices
-from grader.courses.people.identity import COOKIE, DEFAULT_COURSE, Kind, Role, Scope, issue
+from grader.courses.people.identity import COOKIE, DEFAULT_COURSE, CredentialKind, Role, Scope, issue
 from grader.courses.people.members import get_named
 from grader.gate.admission import PREFIX
 from grader.settings import Settings
@@ -279,19 +279,20 @@ def prepare_credentials(world: World) -> None:
         other = get_named(session, "otto", Role.INSTRUCTOR, ELSEWHERE)
         session.flush()
         tina = people[Role.INSTRUCTOR]
-        tokens = {role.value: issue(session, Kind.TOKEN, member) for role, member in people.items()}
+        tokens = {role.value: issue(session, CredentialKind.TOKEN, member) for role, member in people.items()}
         tokens |= {
-            kind: issue(session, Kind.TOKEN, people[role], day, scopes=frozenset({scope}))
+            kind: issue(session, CredentialKind.TOKEN, people[role], day, scopes=frozenset({scope}))
             for (role, scope), kind in RESTRICTED.items()
         }
         tokens |= {
-            "revoked": issue(session, Kind.TOKEN, tina), "expired": issue(session, Kind.TOKEN, tina, ago),
-            ELSEWHERE: issue(session, Kind.TOKEN, other),
-        }  # fmt: skip
+            "revoked": issue(session, CredentialKind.TOKEN, tina),
+            "expired": issue(session, CredentialKind.TOKEN, tina, ago),
+            ELSEWHERE: issue(session, CredentialKind.TOKEN, other),
+        }
         owners = (people[Role.STUDENT], tina, tina, tina, other)
         lifetimes = (day, day, day, ago, day)
         sessions = {
-            kind: issue(session, Kind.SESSION, owner, lifetime)
+            kind: issue(session, CredentialKind.SESSION, owner, lifetime)
             for kind, owner, lifetime in zip(SESSIONS, owners, lifetimes, strict=True)
         }
         session.flush()

@@ -10,7 +10,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.errors import JailFault
 from grader.grading.pipeline import TOO_LARGE
 from grader.grading.process_main import JUDGING_BYTES_MAX
-from grader.grading.processes import Graders, GradingProcess, Script
+from grader.grading.processes import Graders, GradingProcess, ScriptJob
 from grader.library import Library, load
 
 pytestmark = pytest.mark.slow
@@ -53,14 +53,16 @@ def graders() -> Iterator[Graders]:
 
 def judge(graders: Graders, library: Library, number: float) -> Verdict:
     source = f"def count(n):\n    return {number!r}\n"
-    return graders.judge(library, Script("q", "count", {"source": source}, 1))
+    return graders.judge(library, ScriptJob("q", "count", {"source": source}, 1))
 
 
 def test_of_several_the_first_is_waited_for_and_another_judges_once_it_is_ready(library: Library) -> None:
     with Graders(2, allow_t2=False) as graders:
         first, second = graders._all
         assert first.jail and not second.jail and graders.alive == 2
-        assert second.judge(library, Script("q", "count", {"source": "def count(n):\n    return 3.0\n"}, 1)).points == 1
+        assert (
+            second.judge(library, ScriptJob("q", "count", {"source": "def count(n):\n    return 3.0\n"}, 1)).points == 1
+        )
         assert second.jail == first.jail == graders.jail
 
 
@@ -88,5 +90,5 @@ def test_a_script_may_use_more_memory_than_a_grading_process(graders: Graders, l
     (library.root / "quizzes/q.json").write_text(json.dumps({"id": "q", "title": "Q", "questions": [raw]}))
     size = JUDGING_BYTES_MAX + (1 << 30)
     source = f"import mmap\n\ndef count(n):\n    mmap.mmap(-1, {size}, flags=mmap.MAP_PRIVATE)\n    return n\n"
-    script = Script("q", "count", {"source": source}, 1)
+    script = ScriptJob("q", "count", {"source": source}, 1)
     assert graders.judge(load(library.root), script).status is Status.CORRECT

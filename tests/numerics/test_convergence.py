@@ -5,7 +5,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from grader.numerics.accuracy.convergence import Order, fit_order, measure_distance
+from grader.numerics.accuracy.convergence import OrderFit, fit_order, measure_distance
 from grader.numerics.accuracy.reference import list_sample_times, solve_dop853
 from grader.numerics.accuracy.runge_kutta import step_lie_rk4, step_mujoco_rk4
 from grader.numerics.rollout import simulate
@@ -20,7 +20,7 @@ DOUBLE = Scene.from_xml(LESSON["double_pendulum"], key="release")
 RK4 = 1
 
 
-def order_of(scene: Scene, timesteps_s: list[float], integrator: int, stepper: Stepper | None = None) -> Order:
+def order_of(scene: Scene, timesteps_s: list[float], integrator: int, stepper: Stepper | None = None) -> OrderFit:
     found = errors(scene, solve_dop853(scene, TIMES), timesteps_s, integrator=integrator, stepper=stepper)
     return fit_order(timesteps_s, [error.qpos for error in found])
 

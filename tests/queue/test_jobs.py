@@ -21,7 +21,7 @@ from grader.grading.content import Archive
 from grader.grading.pipeline import Retries
 from grader.grading.processes import Graders
 from grader.queue import jobs
-from grader.queue.jobs import Claim, JobRow
+from grader.queue.jobs import ClaimedJob, JobRow
 from grader.queue.owners import PostgresOwner, SqliteOwner, build_owner
 from grader.queue.worker import Worker
 from grader.service.deliveries import build_deliveries
@@ -68,7 +68,7 @@ def a_worker(database: Database, grade: Judge, tries: int = 3) -> Worker:
     return Worker(database, {jobs.GRADE: task}, threads=2, retries=Retries(tries, pause_s=0.0))
 
 
-def claim(database: Database) -> Claim | None:
+def claim(database: Database) -> ClaimedJob | None:
     with database.write() as session:
         return jobs.claim(session, OTHER)
 
@@ -351,7 +351,7 @@ def test_an_outcome_is_stored_when_a_lost_database_is_back(database: Database, m
     away = [3]
     finish = jobs.finish
 
-    def lost(session: Session, claimed: Claim) -> bool:
+    def lost(session: Session, claimed: ClaimedJob) -> bool:
         away[0] -= 1
         if away[0] > 0:
             raise OperationalError("DELETE", {}, Exception("the server closed the connection"))

@@ -12,7 +12,7 @@ from grader.courses.people import members
 from grader.courses.people.identity import Role
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Conflict
-from grader.grading.processes import Graders, Script
+from grader.grading.processes import Graders, ScriptJob
 from grader.library import load
 from grader.service.demo import fill_demo
 from grader.service.demo.answers import build_pools
@@ -83,7 +83,7 @@ def test_the_verdicts_are_those_of_the_judge_and_nothing_is_mixed(tmp_path: Path
     one = next(row for row in scripts if row.outcome == Status.PARTIAL or row.outcome == Status.INCORRECT)
     with Graders(1, allow_t2=False) as graders:
         again = graders.judge(
-            load(LESSON, passed=PASSED), Script(one.quiz, one.question, json.loads(one.answer), one.seed)
+            load(LESSON, passed=PASSED), ScriptJob(one.quiz, one.question, json.loads(one.answer), one.seed)
         )
     kept = Verdict.model_validate(verdicts[one.id])
     assert (again.status, again.points, again.diagnosis) == (kept.status, kept.points, kept.diagnosis)

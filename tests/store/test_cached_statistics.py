@@ -13,7 +13,7 @@ from sqlalchemy import select
 from grader.courses.reporting.quiz_statistics import QuizStatistics, Statistics, Version
 from grader.courses.rules.statistics import (
     QuestionStatistics,
-    Row,
+    ResultRow,
     find_clusters,
     group_crash,
     item_rest,
@@ -88,7 +88,7 @@ def vary(database: Database, chance: random.Random) -> None:
             result.is_final = chance.random() < 0.9
 
 
-def count_one_by_one(rows: list[Row]) -> QuizStatistics:
+def count_one_by_one(rows: list[ResultRow]) -> QuizStatistics:
     """The statistics of a quiz whose questions are in alphabetical order, without counting any two rows at once."""
     points, max_points = defaultdict[str, float](float), defaultdict[str, float](float)
     for row in sorted(rows, key=lambda row: row.question):
@@ -99,7 +99,9 @@ def count_one_by_one(rows: list[Row]) -> QuizStatistics:
     return QuizStatistics(len(points), tuple(found))
 
 
-def count_question(rows: list[Row], points: Mapping[str, float], max_points: Mapping[str, float]) -> QuestionStatistics:
+def count_question(
+    rows: list[ResultRow], points: Mapping[str, float], max_points: Mapping[str, float]
+) -> QuestionStatistics:
     """The same of one question, where the learners have these points, and could have these, at all questions."""
     options, mistakes = Counter[int](), Counter[str]()
     for row in rows:
@@ -126,7 +128,7 @@ def test_statistics_are_bit_for_bit_those_of_rows_counted_one_by_one(database: D
     without, hidden = frozenset([COURSE.learner(0)]), frozenset([(COURSE.learner(1), "q2")])
     computed = Statistics(database).compute(Version(COURSE.name, QUIZ, "digest", without, hidden, (1, 1)))
     with database.read() as session:
-        rows = [Row(*row) for rows in results.iterate_of_quiz(session, COURSE.name, COURSE.quiz) for row in rows]
+        rows = [ResultRow(*row) for rows in results.iterate_of_quiz(session, COURSE.name, COURSE.quiz) for row in rows]
     seen = [row for row in rows if row.learner not in without and row[:2] not in hidden]
     assert computed == count_one_by_one(seen)
     assert all(question.discrimination and question.clusters and question.mistakes for question in computed.questions)

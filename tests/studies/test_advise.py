@@ -15,7 +15,7 @@ from grader.numerics.accuracy.reference import list_sample_times
 from grader.numerics.integrators import DISCRETE, IMPLICITFAST, INTEGRATORS, RK4
 from grader.numerics.rollout import simulate
 from grader.studies.advise.meter import SAMPLE_S
-from grader.studies.advise.report import Advice, Start, advise, build_scene, find_binding_stiffness, find_energy_loss
+from grader.studies.advise.report import Advice, RunStart, advise, build_scene, find_binding_stiffness, find_energy_loss
 from grader.studies.advise.selection import START, Candidate, select
 from grader.studies.bench.scenes import find_scene, read_scene
 from numerics.models import DELAY, RUNAWAY, TWO_FREE_BODIES, hinge
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 FOREIGN = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 
-MOVING = Start(qpos=[1.0])
+MOVING = RunStart(qpos=[1.0])
 
 
 @cache
@@ -58,7 +58,7 @@ FLOOR = """<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size=
 def test_the_reference_is_of_high_order_until_a_constraint_acts(floor: float, touches: bool) -> None:
     said: list[str] = []
     selection = select(
-        build_scene(FLOOR.format(floor=floor), Start()), tolerance=1e-2, seconds=0.4, progress=said.append
+        build_scene(FLOOR.format(floor=floor), RunStart()), tolerance=1e-2, seconds=0.4, progress=said.append
     )
     assert any("a constraint acts" in line for line in said) is touches
     assert any("RK45" in line for line in said) is touches
@@ -137,8 +137,8 @@ def test_what_means_nothing_is_refused(
     ],
 )
 def test_what_can_lose_energy_is_told(change: tuple[str, str], why: str) -> None:
-    assert find_energy_loss(build_scene(read_scene("double_pendulum"), Start())) is None
-    reason = find_energy_loss(build_scene(read_scene("double_pendulum").replace(*change), Start()))
+    assert find_energy_loss(build_scene(read_scene("double_pendulum"), RunStart())) is None
+    reason = find_energy_loss(build_scene(read_scene("double_pendulum").replace(*change), RunStart()))
     assert reason is not None
     assert why in reason
 
@@ -156,30 +156,30 @@ def test_an_error_of_what_never_changes_says_nothing(quantity: str | None, said:
 
 
 @pytest.mark.parametrize(
-    "start", [Start(qpos=[1.0]), Start(qvel=[2.0]), Start(perturb=1.0), Start(qpos=[0.5], qvel=[-1.0])]
+    "start", [RunStart(qpos=[1.0]), RunStart(qvel=[2.0]), RunStart(perturb=1.0), RunStart(qpos=[0.5], qvel=[-1.0])]
 )
-def test_a_start_can_be_set_in_motion(start: Start) -> None:
+def test_a_start_can_be_set_in_motion(start: RunStart) -> None:
     assert advise(hinge(), seconds=0.2, start=start).choice is not None
 
 
 @pytest.mark.parametrize(
     ("start", "said"),
     [
-        (Start(key="nowhere"), "nowhere"),
-        (Start(key=7), "7"),
-        (Start(qpos=[1.0, 2.0]), "qpos has 1"),
-        (Start(ctrl=[1.0]), "ctrl has 0"),
-        (Start(perturb=float("inf")), "perturb"),
+        (RunStart(key="nowhere"), "nowhere"),
+        (RunStart(key=7), "7"),
+        (RunStart(qpos=[1.0, 2.0]), "qpos has 1"),
+        (RunStart(ctrl=[1.0]), "ctrl has 0"),
+        (RunStart(perturb=float("inf")), "perturb"),
     ],
 )
-def test_a_start_that_does_not_fit_is_refused(start: Start, said: str) -> None:
+def test_a_start_that_does_not_fit_is_refused(start: RunStart, said: str) -> None:
     with pytest.raises(Unprocessable, match=said):
         advise(hinge(), seconds=0.2, start=start)
 
 
 @pytest.mark.parametrize(("model", "said"), [(RUNAWAY, "without bound"), (DELAY, "delay")])
 def test_what_cannot_be_told_is_said(model: str, said: str) -> None:
-    advice = advise(model, seconds=1.0, start=Start(perturb=1.0))
+    advice = advise(model, seconds=1.0, start=RunStart(perturb=1.0))
     assert (advice.choice, advice.selection.candidates) == (None, ())
     assert f"cannot tell: {'the motion' if model is RUNAWAY else 'a delay'}" in str(advice)
     assert said in str(advice)
@@ -188,10 +188,10 @@ def test_what_cannot_be_told_is_said(model: str, said: str) -> None:
 @pytest.mark.parametrize("damping", ["0", "0.1"])
 def test_what_is_unstable_in_truth_is_no_fault_of_the_step(damping: str) -> None:
     upright = hinge(f"damping='{damping}'").replace("0 0 -0.5", "0 0 0.5")
-    advice = advise(upright, tol=1e-2, seconds=0.2, start=Start(qpos=[0.1]))
-    assert find_binding_stiffness(build_scene(upright, Start(qpos=[0.1])), advice.selection.candidates) is None
+    advice = advise(upright, tol=1e-2, seconds=0.2, start=RunStart(qpos=[0.1]))
+    assert find_binding_stiffness(build_scene(upright, RunStart(qpos=[0.1])), advice.selection.candidates) is None
     everywhere = [Candidate(IMPLICITFAST, h, 1.0, 1.0, warning="mjWARN_BADQACC") for h in (0.001, 0.02)]
-    assert find_binding_stiffness(build_scene(RUNAWAY, Start()), everywhere) is None
+    assert find_binding_stiffness(build_scene(RUNAWAY, RunStart()), everywhere) is None
 
 
 def test_discrete_is_measured_where_a_servo_is_stiff() -> None:
@@ -261,7 +261,7 @@ def test_a_choice_for_a_part_of_the_run_has_a_status_of_its_own(
 def test_foreign_models_meet_the_tolerance_against_another_method(name: str, tol: float) -> None:
     """The reference of these models steps with implicitfast, or is DOP853; here RK4 takes 25 us."""
     seconds = 0.4
-    path, start = FOREIGN / f"{name}.xml", Start(perturb=1.0)
+    path, start = FOREIGN / f"{name}.xml", RunStart(perturb=1.0)
     advice = advise(path, tol=tol, seconds=seconds, start=start)
     assert advice.choice is not None, str(advice)
     scene = build_scene(path, start)

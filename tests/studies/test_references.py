@@ -20,7 +20,7 @@ from grader.numerics.scene import Scene
 from grader.studies.advise.meter import SAMPLE_S, Meter
 from grader.studies.advise.page import draw_page
 from grader.studies.advise.references import REFERENCE_S, References
-from grader.studies.advise.report import Start, advise
+from grader.studies.advise.report import RunStart, advise
 from grader.studies.advise.survey import main as survey
 from numerics.models import hinge
 from web.browsing import chromium, findings
@@ -147,7 +147,7 @@ class Page(HTMLParser):
 
 
 def test_the_page_has_every_setting_as_a_mark_and_a_row_and_loads_nothing() -> None:
-    advice = advise(hinge(), tol=1e-3, seconds=0.2, start=Start(qpos=[1.0]))
+    advice = advise(hinge(), tol=1e-3, seconds=0.2, start=RunStart(qpos=[1.0]))
     text = draw_page(advice, "<arm> & hand")
     page = Page(text)
     assert (page.loaded, page.tags.count("script"), "url(" in text, "@import" in text) == ([], 0, False, False)
@@ -189,7 +189,7 @@ class Requests:
 
 
 def test_the_page_shows_the_front_in_a_browser_without_a_network(tmp_path: Path) -> None:
-    advice = advise(hinge(), tol=1e-3, seconds=0.2, start=Start(qpos=[1.0]))
+    advice = advise(hinge(), tol=1e-3, seconds=0.2, start=RunStart(qpos=[1.0]))
     path = tmp_path / "page.html"
     path.write_text(draw_page(advice, "a_name_without_a_place_to_break_it_at_" * 3), encoding="utf-8")
     with chromium() as browser:

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from grader.exercises.explaining.claims import CLAIMS, Claim, Evidence, correct_sentence, find_untrue
+from grader.exercises.explaining.claims import CLAIMS, Evidence, SentenceClaim, correct_sentence, find_untrue
 from grader.exercises.running import diagnosing
 
 HELD = {"sentences": 0}
@@ -16,7 +16,7 @@ HELD = {"sentences": 0}
 def telling_the_truth() -> Iterator[None]:
     """Raises AssertionError where a rule makes a sentence that is not true, although it would not be shown."""
 
-    def assert_true(sentence: str, evidence: Evidence, claims: Sequence[Claim] = CLAIMS) -> str | None:
+    def assert_true(sentence: str, evidence: Evidence, claims: Sequence[SentenceClaim] = CLAIMS) -> str | None:
         corrected = correct_sentence(sentence, evidence, claims)
         assert corrected is not None, f"{list(find_untrue(sentence, evidence, claims))} of: {sentence}"
         assert not list(find_untrue(corrected, evidence, claims))

@@ -16,7 +16,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.service.accounts import in_database
 from grader.settings import Settings
 from grader.store import submissions
-from grader.store.submissions import Mark
+from grader.store.submissions import VerdictMark
 from grader.store.tables import Submission
 from grader.web.verdict.work import describe_regrade
 from support.servers import PLAIN
@@ -167,7 +167,7 @@ def test_what_changed_is_one_sentence(
     before: tuple[str, str, float, float], after: tuple[str, str, float, float], ends: str
 ) -> None:
     at = datetime(2026, 11, 22, 6, 5, tzinfo=UTC)
-    told = describe_regrade(Mark(*before, at), Mark(*after, at))
+    told = describe_regrade(VerdictMark(*before, at), VerdictMark(*after, at))
     assert told.endswith(ends)
     assert (told == "") == (ends == "")
     assert not told or "on 22 Nov 2026, 06:05 UTC" in told

@@ -39,12 +39,12 @@ def advise(
     the time it names: run it again with --seconds of that time, or with a larger --tol.
     """
     from grader.studies.advise.page import draw_page
-    from grader.studies.advise.report import Start
+    from grader.studies.advise.report import RunStart
     from grader.studies.advise.report import advise as measure
 
     named = read_settings().content / "models" / f"{model}.xml"
     state = (parse_numbers(qpos, "--qpos"), parse_numbers(qvel, "--qvel"), parse_numbers(ctrl, "--ctrl"))
-    start = Start(int(key) if key is not None and key.isdecimal() else key, *state, perturb)
+    start = RunStart(int(key) if key is not None and key.isdecimal() else key, *state, perturb)
     with Console(stderr=True).status("compiling the model") as status:
         place = named if named.is_file() else Path(model)
         advice = measure(place, quantity, tol, seconds, start=start, budget_s=budget, progress=status.update)

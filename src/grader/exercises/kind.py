@@ -11,9 +11,9 @@ import numpy as np
 from grader.domain.axes import Placed
 from grader.domain.progress import TrialProgress
 from grader.domain.run import Job, Limits, RunReport
-from grader.exercises.explaining.claims import Claim
+from grader.exercises.explaining.claims import SentenceClaim
 from grader.exercises.explaining.places import Landmark
-from grader.exercises.explaining.script import NO_SCRIPT, Script
+from grader.exercises.explaining.script import NO_SCRIPT, ParsedScript
 from grader.exercises.film import Film
 from grader.exercises.judgement import Judgement, Outcome, Part, Results
 from grader.exercises.parameters import Case, ExerciseParameters
@@ -120,7 +120,7 @@ class JudgedTrial(Generic[Problem, Outcome]):
     judgement: Judgement[Outcome]
     counts: bool
     trace: Trace = NO_TRACE
-    script: Script = NO_SCRIPT
+    script: ParsedScript = NO_SCRIPT
 
     @property
     def id(self) -> str:
@@ -221,7 +221,7 @@ class Kind(ABC, Generic[P, Problem, Outcome]):
     it returns in place of results."""
     needs_model: bool = True
     """Whether a case without a model is a fault."""
-    claims: Sequence[Claim] = ()
+    claims: Sequence[SentenceClaim] = ()
     """What the sentences of `name_mistake` claim, beside what those of any kind may, and when it is true."""
     landmarks: Sequence[Landmark] = ()
     """How to find the line of a script that a sentence of `name_mistake` is about which has none."""

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 
 from grader.errors import ContentError, Fault, LabError
-from grader.expressions.compiling.code import UNPLACED, Kind, finish_code
+from grader.expressions.compiling.code import UNPLACED, ValueKind, finish_code
 from grader.expressions.compiling.paths import BINDERS, bind_vector
 from grader.expressions.compiling.scope import Frame, Scope
 from grader.expressions.compiling.statements import Compiler
@@ -34,7 +34,7 @@ class Program:
     def __init__(self, source: Source, where: str) -> None:
         self.source, self.where = source, where
         tree = source.tree()
-        kinds: dict[str, Kind] | None = {}
+        kinds: dict[str, ValueKind] | None = {}
         for attempt in range(PASSES_MAX + 1):
             compiler = Compiler(kinds if attempt < PASSES_MAX else None)
             module = compiler.program(Scope(Frame()), tree)

@@ -20,7 +20,7 @@ import structlog
 from grader.errors import JailFault, JailRefused, ScriptStopped
 from grader.exercises import list_codes, use_jail
 from grader.grading.pipeline import Pipeline
-from grader.grading.processes import END_S, Script, ScriptProgress, Stop
+from grader.grading.processes import END_S, ScriptJob, ScriptProgress, Stop
 from grader.library import Library
 from grader.logs import log_to_stderr
 from grader.sandbox.jail import Jail
@@ -60,7 +60,7 @@ def serve_scripts(connection: "Connection[Any, Any]", jail: Jail) -> None:
         if isinstance(message, Library):
             pipeline = Pipeline(message, lambda job: jail.run(replace(job, is_stopped=is_stopped)))
             continue
-        assert pipeline is not None and isinstance(message, Script)
+        assert pipeline is not None and isinstance(message, ScriptJob)
         limit_memory()
         try:
             parsed = pipeline.read(message.quiz, message.question, message.answer, message.seed)

@@ -50,7 +50,7 @@ log = structlog.get_logger()
 
 
 @dataclass(frozen=True)
-class Script:
+class ScriptJob:
     """A submission as a grading process takes it; `answer` is the stored answer, parsed. `name` is for `stop`."""
 
     quiz: str
@@ -114,7 +114,7 @@ class GradingProcess:
             self.begin()
             self.jail = self._receive(START_S)
 
-    def judge(self, library: "Library", script: Script, tell: "Tell" = ignore_progress) -> "Verdict":
+    def judge(self, library: "Library", script: ScriptJob, tell: "Tell" = ignore_progress) -> "Verdict":
         """Judges a script against this content; `tell` hears how far it is, every PROGRESS_S at most. Raises
         ScriptStopped, and JailFault if the process ends or breaks, and ends it then."""
         self.wait_until_ready()
@@ -212,7 +212,7 @@ class Graders:
             self._free.put(place)
         self.jail = self._all[0].jail
 
-    def judge(self, library: "Library", script: Script, tell: "Tell" = ignore_progress) -> "Verdict":
+    def judge(self, library: "Library", script: ScriptJob, tell: "Tell" = ignore_progress) -> "Verdict":
         """Judges a script in a free process; waits for one. Raises as a process does."""
         with self._free_process() as process:
             return process.judge(library, script, tell)

@@ -27,7 +27,7 @@ FIRST_QUIZ = "1.1-check"
 
 
 @dataclass(frozen=True)
-class Sample:
+class SampleQuestion:
     """A question that passes the check: its JSON, the files that it needs by path, and a script that is right where
     it asks for one."""
 
@@ -77,7 +77,7 @@ def add_exercise(root: Path, quiz: str, kind: str) -> list[Path]:
     return add_to_quiz(root, quiz, find_exercise(kind), "Exercises")
 
 
-def add_to_quiz(root: Path, named: str, sample: Sample, title: str) -> list[Path]:
+def add_to_quiz(root: Path, named: str, sample: SampleQuestion, title: str) -> list[Path]:
     """Adds a question to a quiz, named as QUIZ or QUIZ/ID; begins a quiz that is not there. A question that is named
     names its starter and its program too. Returns the files that were written. Raises as `add_sample`."""
     quiz, slash, id_ = named.partition("/")
@@ -123,7 +123,7 @@ def add_lab(root: Path, quiz: str, kind: str) -> list[Path]:
     return [root / file, *written]
 
 
-def find_sample(kind: str) -> Sample:
+def find_sample(kind: str) -> SampleQuestion:
     """Returns a question of a kind. Raises NotFound."""
     kinds = installed_kinds()
     if kind not in kinds:
@@ -131,10 +131,10 @@ def find_sample(kind: str) -> Sample:
     example = kinds[kind].example()
     right = example.answers[0][0]["source"].encode() if kinds[kind].is_script else None
     files = {path: text.encode() for path, text in example.files.items()}
-    return Sample({**example.question, "kind": kind}, files, right)
+    return SampleQuestion({**example.question, "kind": kind}, files, right)
 
 
-def find_exercise(kind: str) -> Sample:
+def find_exercise(kind: str) -> SampleQuestion:
     """Returns an exercise of a kind: the example of scripts, one of the content that the grader brings along, or that
     of the kind. Raises NotFound."""
     samples = collect_exercises()
@@ -144,9 +144,9 @@ def find_exercise(kind: str) -> Sample:
     return samples[kind]
 
 
-def collect_exercises() -> dict[str, Sample]:
+def collect_exercises() -> dict[str, SampleQuestion]:
     """Returns an exercise of each kind of which there is an example, by kind."""
-    samples = dict[str, Sample]()
+    samples = dict[str, SampleQuestion]()
     for sample in (*list_scripts(), *list_shipped(), *list_examples()):
         samples.setdefault(sample.question["check"]["kind"], sample)
     return samples
@@ -158,12 +158,12 @@ def list_exercise_kinds() -> tuple[str, ...]:
     return tuple(sorted(collect_exercises()))
 
 
-def list_scripts() -> Iterator[Sample]:
+def list_scripts() -> Iterator[SampleQuestion]:
     """Yields the examples of the kinds of question that ask for a script."""
     return (find_sample(name) for name, kind in installed_kinds().items() if kind.is_script)
 
 
-def list_shipped() -> Iterator[Sample]:
+def list_shipped() -> Iterator[SampleQuestion]:
     """Yields the exercises of the content that the grader brings along."""
     ours = default_content()
     for file in list_files(ours, "quizzes", "*.json"):
@@ -177,19 +177,19 @@ def list_shipped() -> Iterator[Sample]:
                 named += [check[key] for key in ("reference", "program") if key in check]
                 named += [question["starter"]] if "starter" in question else []
                 *files, right = ((path, (ours / path).read_bytes()) for path in [*sorted(models), *named, programs[0]])
-                yield Sample(question, dict(files), right[1])
+                yield SampleQuestion(question, dict(files), right[1])
 
 
-def list_examples() -> Iterator[Sample]:
+def list_examples() -> Iterator[SampleQuestion]:
     """Yields the examples of the kinds that have one, such as those of other packages."""
     for name, kind in load_kinds().items():
         if (example := kind.example()) is not None:
             question = {"id": name, "kind": "code", **example.question}
             files = {path: text.encode() for path, text in example.files.items()}
-            yield Sample(question, files, example.right.encode())
+            yield SampleQuestion(question, files, example.right.encode())
 
 
-def name_sample(sample: Sample, id_: str) -> Sample:
+def name_sample(sample: SampleQuestion, id_: str) -> SampleQuestion:
     """Returns a sample whose question has this id, with a function of that name, where it is one, and with its starter
     and its program in files of that name."""
     if (entry := sample.question.get("entry")) and (function := re.sub(r"\W", "_", id_)).isidentifier():
@@ -202,20 +202,20 @@ def name_sample(sample: Sample, id_: str) -> Sample:
             files[part[key]] = files.pop(path)
     if not question["check"]:
         del question["check"]
-    return Sample(question, files, sample.right)
+    return SampleQuestion(question, files, sample.right)
 
 
-def rename(sample: Sample, old: str, new: str) -> Sample:
+def rename(sample: SampleQuestion, old: str, new: str) -> SampleQuestion:
     """Returns a sample whose entry has another name, also in texts, wherever arguments follow it: the same word stands
     for other things too, such as the form of a controller."""
     called = re.compile(rf"\b{re.escape(old)}(?=\()")
     question = json.loads(called.sub(new, json.dumps(sample.question))) | {"entry": new}
     texts = {path: body if path.startswith("models/") else called.sub(new, body.decode()).encode()
              for path, body in sample.files.items()}  # fmt: skip
-    return Sample(question, texts, sample.right and called.sub(new, sample.right.decode()).encode())
+    return SampleQuestion(question, texts, sample.right and called.sub(new, sample.right.decode()).encode())
 
 
-def add_sample(root: Path, quiz: str, sample: Sample) -> list[Path]:
+def add_sample(root: Path, quiz: str, sample: SampleQuestion) -> list[Path]:
     """Adds a question to a quiz, with an id that no other has. Returns the files that were written. Raises NotFound
     without such a quiz, ContentError where its file cannot be read, and Conflict where another text is in a file."""
     file, document = find_quiz(root, quiz)

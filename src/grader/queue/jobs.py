@@ -103,7 +103,7 @@ def _postgresql_clock(_element: Clock, _compiler: Any, **_kw: Any) -> str:
 
 
 @dataclass(frozen=True)
-class Claim:
+class ClaimedJob:
     """A claimed job: its subject, the number of this try from 1, and the token that proves the claim."""
 
     job_id: int
@@ -150,25 +150,25 @@ CLAIM = (
 )
 
 
-def claim(session: Session, owner: int, topics: tuple[str, ...] = TOPICS) -> Claim | None:
+def claim(session: Session, owner: int, topics: tuple[str, ...] = TOPICS) -> ClaimedJob | None:
     """Claims the first job of these topics in the queue's order that is due, for `owner`. None if there is none."""
     if not topics:
         return None
     places, lease = [TOPICS.index(topic) for topic in topics], secrets.token_hex(16)
     values = {"from": min(places), "to": max(places), "topics": topics, "by": owner, "new": lease}
     row = session.connection().execute(CLAIM, values).first()
-    return None if row is None else Claim(*row, lease)
+    return None if row is None else ClaimedJob(*row, lease)
 
 
 FINISH = delete(JobRow).where(JobRow.id == bindparam("job"), JobRow.lease == bindparam("held")).returning(JobRow.id)
 
 
-def finish(session: Session, claimed: Claim) -> bool:
+def finish(session: Session, claimed: ClaimedJob) -> bool:
     """Removes a job that is done. False if it was released since the claim; this try then counts for nothing."""
     return session.connection().execute(FINISH, {"job": claimed.job_id, "held": claimed.lease}).first() is not None
 
 
-def put_back(session: Session, claimed: Claim, delay_s: float, *, tried: bool) -> bool:
+def put_back(session: Session, claimed: ClaimedJob, delay_s: float, *, tried: bool) -> bool:
     """Makes the job wait for another `delay_s` seconds. `tried` counts this try as failed. False as in `finish`."""
     tries = claimed.tries if tried else claimed.tries - 1
     again = (
@@ -285,7 +285,7 @@ def _select_round() -> Select[Any]:
 ROUND = _select_round()
 
 
-def _match_claim(claimed: Claim) -> Any:
+def _match_claim(claimed: ClaimedJob) -> Any:
     return and_(JobRow.id == claimed.job_id, JobRow.lease == claimed.lease)
 
 

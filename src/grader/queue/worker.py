@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from grader.domain.run import ignore
 from grader.metrics import JOBS_FAILED, RUNNING_S, WAITING_S
 from grader.queue import jobs
-from grader.queue.jobs import Claim
+from grader.queue.jobs import ClaimedJob
 from grader.queue.owners import Owner, build_owner, count_workers
 from grader.store.engine.database import AWAY, Database
 from grader.store.engine.ids import age_s
@@ -110,7 +110,7 @@ class Worker:
     _news: dict[tuple[str, ...], News] = field(default_factory=dict)
     _stop: threading.Event = field(default_factory=threading.Event)
     _look: threading.Event = field(default_factory=threading.Event)
-    _held: dict[str, Claim] = field(default_factory=dict)
+    _held: dict[str, ClaimedJob] = field(default_factory=dict)
     _threads: list[threading.Thread] = field(default_factory=list)
     _listening: ExitStack = field(default_factory=ExitStack)
 
@@ -153,7 +153,7 @@ class Worker:
                 self._give_back(claimed)
         self.owner.close()
 
-    def _give_back(self, claimed: Claim) -> None:
+    def _give_back(self, claimed: ClaimedJob) -> None:
         try:
             with self.database.write() as session:
                 self._put_back(session, claimed, 0.0, tried=False)
@@ -171,7 +171,7 @@ class Worker:
 
     def do_one(self, topics: tuple[str, ...] | None = None) -> bool:
         """Does the next job, of these topics or, with None, of any that has a task. False if there is none."""
-        claimed: Claim | None = None
+        claimed: ClaimedJob | None = None
         try:
             with self.database.write(hasty=True) as session:  # a claim that gets lost leaves the job in the queue
                 claimed = jobs.claim(session, self.owner.id, tuple(self.tasks) if topics is None else topics)
@@ -192,7 +192,7 @@ class Worker:
                 self._held.pop(claimed.lease, None)
         return True
 
-    def _outcome(self, claimed: Claim, started: Any) -> JobOutcome:
+    def _outcome(self, claimed: ClaimedJob, started: Any) -> JobOutcome:
         task = self.tasks[claimed.topic]
         if started is None:
             return JobOutcome(lambda _: None)
@@ -205,7 +205,7 @@ class Worker:
             log.exception("a job failed", topic=claimed.topic, subject=claimed.subject, tries=claimed.tries)
             return JobOutcome(task.give_up(started).store, again=True)
 
-    def _settle(self, claimed: Claim, outcome: JobOutcome) -> None:
+    def _settle(self, claimed: ClaimedJob, outcome: JobOutcome) -> None:
         if claimed.lease not in self._held:
             return  # put back when the worker stopped
         pause_s = self.retries.pause_after(claimed.tries) if outcome.again else None
@@ -223,7 +223,7 @@ class Worker:
             delay_s = LOOK_S * 2 ** min(claimed.tries, 10)
             self._write(lambda session: self._put_back(session, claimed, delay_s, tried=True))
 
-    def _put_back(self, session: Session, claimed: Claim, delay_s: float, *, tried: bool) -> None:
+    def _put_back(self, session: Session, claimed: ClaimedJob, delay_s: float, *, tried: bool) -> None:
         if jobs.put_back(session, claimed, delay_s, tried=tried):
             self.tasks[claimed.topic].put_back(session, claimed.subject)
 

@@ -32,7 +32,7 @@ class Above:
 
 
 @dataclass(frozen=True)
-class Place:
+class Surroundings:
     """The function around a line, and the lines in which the loops around it begin, within the function."""
 
     function: ast.AST | None
@@ -84,7 +84,7 @@ def describe_loop(source: str, counts: Any, samples: Any, above: Above) -> str:
         shares.update(dict.fromkeys(loops, times))
     clear = [loop for loop, times in shares.items() if times / samples >= CLEAR_SHARE]
     if not clear:
-        lasting = find_place(tree, above.stays) if type(above.stays) is int else Place(None, [])
+        lasting = find_place(tree, above.stays) if type(above.stays) is int else Surroundings(None, [])
         if not lasting.loops:
             return describe_outermost(source, tree, above)
         loop, ends = quote_line(source, lasting.loops[-1]), describe_end(tree, lasting.loops[-1])
@@ -104,7 +104,7 @@ def describe_outermost(source: str, tree: ast.AST, above: Above) -> str:
     return f" It was busy in what the loop in {begins}{place.text}, calls.{{called}} Check how often it runs."
 
 
-def describe_above(source: str, tree: ast.AST, here: Place, above: Above) -> str:
+def describe_above(source: str, tree: ast.AST, here: Surroundings, above: Above) -> str:
     """Return the sentences on the loop of another function that leads to where the time was spent; empty if none."""
     lasts = type(above.stays) is int
     place = find_place(tree, above.stays if lasts else above.outermost)  # else all calls have ended while it sampled
@@ -146,7 +146,7 @@ def describe_line(source: str, line: int, above: Above, *, waits: bool) -> str:
     return f" It was busy {seen}{begins}{here.text}.{{called}} Check when that loop ends."
 
 
-def find_place(tree: ast.AST, line: int) -> Place:
+def find_place(tree: ast.AST, line: int) -> Surroundings:
     """Return where a line lies."""
     nodes = [
         node
@@ -154,12 +154,12 @@ def find_place(tree: ast.AST, line: int) -> Place:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.For | ast.While)
         and node.lineno <= line <= (node.end_lineno or node.lineno)
     ]
-    place = Place(None, [])
+    place = Surroundings(None, [])
     for node in sorted(nodes, key=lambda node: node.lineno):
         if isinstance(node, ast.For | ast.While):
             place.loops.append(node.lineno)
         else:
-            place = Place(node, [])
+            place = Surroundings(node, [])
     return place
 
 

@@ -25,7 +25,7 @@ from grader.errors import ContentLost, NotFound, ScriptStopped, Unprocessable
 from grader.gate.monitoring import Monitor
 from grader.grading.content import Archive
 from grader.grading.pipeline import OUR_FAULT, Retries
-from grader.grading.processes import Graders, Script
+from grader.grading.processes import Graders, ScriptJob
 from grader.library import PassedChecks
 from grader.logs import is_json, log_to_stderr
 from grader.queue import jobs
@@ -147,7 +147,7 @@ def make_judge(archive: Archive, graders: Graders, tell: TellCase = ignore_progr
         parsed = pipeline.read(submission.quiz, submission.question, answer, submission.seed)
         if parsed.is_instant:
             return pipeline.judge(parsed)
-        script = Script(submission.quiz, submission.question, answer, parsed.seed, submission.id)
+        script = ScriptJob(submission.quiz, submission.question, answer, parsed.seed, submission.id)
         return graders.judge(pipeline.library, script, partial(tell, submission.id))
 
     return judge

@@ -29,7 +29,7 @@ class LineItem(Base):
     leased_until: Mapped[datetime | None]
 
 
-class Place(NamedTuple):
+class LineItemPlace(NamedTuple):
     """A resource in a context of a platform."""
 
     container: str
@@ -48,7 +48,7 @@ class Lease(NamedTuple):
     is_ours: bool
 
 
-def lease(session: Session, place: Place, lasting: timedelta) -> Lease:
+def lease(session: Session, place: LineItemPlace, lasting: timedelta) -> Lease:
     """The URL of a line item, or the right to look it up and create it for a while, if it is free."""
     dialect = {"sqlite": sqlite, "postgresql": postgresql}[session.get_bind().dialect.name]
     row = {"id": place.id, "container": place.container, "resource": place.resource}
@@ -60,11 +60,11 @@ def lease(session: Session, place: Place, lasting: timedelta) -> Lease:
     return Lease(None, is_ours=True)
 
 
-def keep(session: Session, place: Place, url: str | None) -> None:
+def keep(session: Session, place: LineItemPlace, url: str | None) -> None:
     """Ends the lease with what was found; None if it was not."""
     session.execute(update(LineItem).where(LineItem.id == place.id).values(url=url, leased_until=None))
 
 
-def forget(session: Session, place: Place) -> None:
+def forget(session: Session, place: LineItemPlace) -> None:
     """Forgets a line item that the platform no longer has."""
     session.execute(delete(LineItem).where(LineItem.id == place.id))

@@ -67,7 +67,7 @@ class Try(NamedTuple):
     points: float
 
 
-class Mark(NamedTuple):
+class VerdictMark(NamedTuple):
     """A verdict in short: what caused it (as in `VerdictRow`), its status, its points and when it was given."""
 
     cause: str
@@ -341,7 +341,7 @@ def read_verdicts_by_id(session: Session, ids: Iterable[str]) -> dict[str, Any]:
     return {submission_id: json.loads(body) for submission_id, body in result}
 
 
-def last_marks(session: Session, submissions: Iterable[Submission]) -> dict[str, tuple[Mark, Mark]]:
+def last_marks(session: Session, submissions: Iterable[Submission]) -> dict[str, tuple[VerdictMark, VerdictMark]]:
     """The last verdict but one and the last one in short, by submission; those with one verdict are left out."""
     regraded = [submission.id for submission in submissions if submission.revision > 1]
     if not regraded:
@@ -353,9 +353,9 @@ def last_marks(session: Session, submissions: Iterable[Submission]) -> dict[str,
         .where(Submission.id.in_(regraded), VerdictRow.revision >= Submission.revision - 1)
         .order_by(VerdictRow.submission_id, VerdictRow.revision)
     )
-    by_submission: dict[str, list[Mark]] = {}
+    by_submission: dict[str, list[VerdictMark]] = {}
     for submission_id, *mark in session.execute(rows):
-        by_submission.setdefault(submission_id, []).append(Mark(*mark))
+        by_submission.setdefault(submission_id, []).append(VerdictMark(*mark))
     return {submission_id: (pair[0], pair[1]) for submission_id, pair in by_submission.items()}
 
 

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.namesakes import make_marks
 from grader.courses.reviewing.blinding import find_unseen
-from grader.courses.rules.gradebook import Column, Form, Row, Unit, gradebook_csv
+from grader.courses.rules.gradebook import Column, Form, LearnerRow, Unit, gradebook_csv
 from grader.domain.pages.markup import plain_text
 from grader.gate.callers import IfNoneMatch, Staff, api_router
 from grader.gate.conditional import compute_etag, is_unchanged
@@ -100,7 +100,7 @@ def quiz_columns(quizzes: Sequence[Quiz]) -> list[Column]:
     ]
 
 
-def sum_up(row: Row, quizzes: Sequence[Quiz]) -> Row:
+def sum_up(row: LearnerRow, quizzes: Sequence[Quiz]) -> LearnerRow:
     """The row with a sum for each quiz; none where no question of it has points yet."""
     sums = {}
     for quiz in quizzes:
@@ -119,7 +119,7 @@ def write_title(quiz: Quiz, question: Question) -> str:
 def read_rows(
     session: Session, course: str, quizzes: Sequence[str], instructors: Collection[str], unseen: Collection[LearnerAt],
     *, marks: Mapping[str, str],
-) -> list[Row]:  # fmt: skip
+) -> list[LearnerRow]:  # fmt: skip
     """Reads the row of each learner with results, by name, without instructors' own tries and `unseen` marks."""
     hidden: dict[str, set[tuple[str, str]]] = defaultdict(set)
     for place in unseen:
@@ -145,12 +145,14 @@ def points_of(quiz: str, points: str) -> Mapping[tuple[str, str], float]:
     return {(quiz, question): value for question, value in json.loads(points).items()}
 
 
-def build_row(learner: str, known: Any, points: Mapping[tuple[str, str], float], marks: Mapping[str, str]) -> Row:
+def build_row(
+    learner: str, known: Any, points: Mapping[tuple[str, str], float], marks: Mapping[str, str]
+) -> LearnerRow:
     """The row of the learner with this id; `known` has the name and the columns `results.KNOWN` of a member. `marks`
     has those of learners whose name another bears too."""
     is_named = known.account is not None and known.account.startswith(NAMED)
     is_canvas = known.namespace == CANVAS
-    return Row(
+    return LearnerRow(
         user=known.name, login=known.name if is_named else "", id=learner, email=known.email or "",
         lms_id=known.external_id if is_canvas else "", sis_id="" if is_canvas else known.external_id or "",
         points=points, mark=marks.get(learner, "")

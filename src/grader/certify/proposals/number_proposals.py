@@ -58,7 +58,7 @@ ABOUT = {
 
 
 @dataclass(frozen=True)
-class Candidate:
+class NumberCandidate:
     """A `verify` with the number that it gives at the model's own timestep, in the unit of the key, and how sentences
     call it. `rank` is how well it fits the words and the unit; `is_telling` says that it fits so well that another
     number is worth a remark."""
@@ -96,7 +96,7 @@ def propose_for_number(key: NumberKey, scenes: Sequence[LabScene], model_xml: Mo
 
 
 def propose_certified(
-    key: NumberKey, candidate: Candidate, model_xml: ModelXml, compared: int, rivals: int
+    key: NumberKey, candidate: NumberCandidate, model_xml: ModelXml, compared: int, rivals: int
 ) -> Proposal | None:
     """Returns the proposal of a candidate under which the key is certified, about the motion or else about the run at
     the model's own timestep; None where it is not."""
@@ -110,7 +110,7 @@ def propose_certified(
     return None
 
 
-def build_proposal(key: NumberKey, candidate: Candidate, compared: int, caution: str, *, holds: bool) -> Proposal:
+def build_proposal(key: NumberKey, candidate: NumberCandidate, compared: int, caution: str, *, holds: bool) -> Proposal:
     """Returns a proposal with the numbers as people read them: never alike where they differ."""
     unit = key.unit or ""
     gives, says = format_number(candidate.value, key.answer), format_number(key.answer, candidate.value)
@@ -130,10 +130,14 @@ def measure_distance(value: float, answer: float) -> float:
     return abs(value - answer) / max(abs(value), abs(answer), 1e-300)
 
 
-def list_candidates(key: NumberKey, asked: AskedQuantities, scene: LabScene, model_xml: ModelXml) -> list[Candidate]:
+def list_candidates(
+    key: NumberKey, asked: AskedQuantities, scene: LabScene, model_xml: ModelXml
+) -> list[NumberCandidate]:
     """Returns every candidate of a simulation, none where it cannot be run."""
     if asked.is_timestep:
-        return [Candidate(*threshold, rank=5, is_telling=True) for threshold in list_thresholds(key, scene, model_xml)]
+        return [
+            NumberCandidate(*threshold, rank=5, is_telling=True) for threshold in list_thresholds(key, scene, model_xml)
+        ]
     try:
         return list(NumberSearch(key.unit, asked, scene).list_candidates())
     except BROKEN:
@@ -160,7 +164,7 @@ class NumberSearch:
         wanted = [name for name in get_args(Measured) if name in self.asked.quantities] or PLAIN
         return [name for name in wanted if can_be_in(name, self.unit)]
 
-    def list_candidates(self) -> Iterator[Candidate]:
+    def list_candidates(self) -> Iterator[NumberCandidate]:
         """Yields the candidates. Raises what `LabScene.run` does."""
         names = self.names
         fitted = list(self.fit(self.scene.list_shown())) or list(self.fit(self.scene.list_joints()))
@@ -189,7 +193,7 @@ class NumberSearch:
 
     def measure(
         self, fit: FittedExpression, name: Measured, seconds: float, times: Floats, values: Floats
-    ) -> Iterator[Candidate]:
+    ) -> Iterator[NumberCandidate]:
         """Yields a quantity of a series in the first `seconds` of a run, by each level or band that may be meant."""
         is_of_moments = name in BASE_UNITS
         if fit.factor is None and not is_of_moments:
@@ -207,7 +211,7 @@ class NumberSearch:
                     seen.add((value, str(more)))
                     window = describe_window(name, seconds, more)
                     what = f"{NAMES[name]}{form} of “{fit.shown.label}”{window}{self.where}"
-                    yield Candidate(verify, find_scale(name, self.unit) * value, what, rank, is_telling)
+                    yield NumberCandidate(verify, find_scale(name, self.unit) * value, what, rank, is_telling)
 
     def rank(self, fit: FittedExpression, name: str, seconds: float) -> int:
         """Returns how well a candidate fits: the quantity is asked for, the unit is certain, the label and the moment

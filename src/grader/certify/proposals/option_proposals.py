@@ -45,7 +45,7 @@ LEAD = 0.05
 
 
 @dataclass(frozen=True)
-class Candidate:
+class OptionCandidate:
     """A `verify` of a predict question, how sentences call what it measures, and how well it fits the words."""
 
     verify: ByOutcome | ByOptions
@@ -64,7 +64,7 @@ def propose_for_option(key: OptionKey, scenes: Sequence[LabScene], model_xml: Mo
         candidates = sorted(list_candidates(key, asked, own, text), key=lambda candidate: -candidate.rank)
     except BROKEN:
         return None
-    decided: list[tuple[Candidate, int, bool]] = []
+    decided: list[tuple[OptionCandidate, int, bool]] = []
     for candidate in candidates[:TRIED_MAX]:
         certificate = certify_with(key, candidate.verify, model_xml)
         if certificate is not None and isinstance(certificate.answer, int):
@@ -87,7 +87,7 @@ def name_option(key: OptionKey, index: int) -> str:
     return f"“{plain_text(key.options[index])}”"
 
 
-def list_candidates(key: OptionKey, asked: AskedQuantities, scene: LabScene, text: str) -> Iterator[Candidate]:
+def list_candidates(key: OptionKey, asked: AskedQuantities, scene: LabScene, text: str) -> Iterator[OptionCandidate]:
     """Yields what the options may claim. Raises what `LabScene.run` does."""
     if (select := find_matching_select(key.options, scene.lab)) is not None:
         yield from list_rankings(key, asked, scene, infer_settings(key.options, select))
@@ -111,7 +111,7 @@ def list_candidates(key: OptionKey, asked: AskedQuantities, scene: LabScene, tex
 
 def claim_amounts(
     amounts: Sequence[Amount], asked: AskedQuantities, scene: LabScene, shown: ShownExpression, rank: int
-) -> Iterator[Candidate]:
+) -> Iterator[OptionCandidate]:
     """Yields claims that a quantity is near the number of an option."""
     numbers = [amount.value for amount in amounts]
     if len(set(numbers)) < len(numbers) or len({amount.unit and amount.unit.powers for amount in amounts}) > 1:
@@ -124,7 +124,7 @@ def claim_amounts(
             {"expr": f"{shown.expr} > 0", "at_least": cut(value - width), "at_most": cut(value + width), **level}
             for value, width in zip(numbers, widths, strict=True)
         ]
-        yield Candidate(build_outcome(scene, claims), f"how often “{shown.label}” becomes positive", rank)
+        yield OptionCandidate(build_outcome(scene, claims), f"how often “{shown.label}” becomes positive", rank)
         return
     fitted = fit_unit(shown, scene.model, unit)
     if fitted is None:
@@ -132,7 +132,7 @@ def claim_amounts(
     for name in [quantity for quantity in asked.quantities if quantity in ("end", "max", "min")] or ["end"]:
         claims = [claim_number(fitted, name, value, width) for value, width in zip(numbers, widths, strict=True)]
         what = f"{NAMES[name]} of “{shown.label}” within {scene.seconds:g} s"
-        yield Candidate(build_outcome(scene, claims), what, rank + 2 * fitted.is_certain)
+        yield OptionCandidate(build_outcome(scene, claims), what, rank + 2 * fitted.is_certain)
 
 
 def claim_number(fitted: FittedExpression, name: str, number: float, width: float) -> dict[str, Any] | str:
@@ -144,7 +144,7 @@ def claim_number(fitted: FittedExpression, name: str, number: float, width: floa
 
 def claim_ways(
     ways: Sequence[Way], scene: LabScene, shown: ShownExpression, values: Floats, rank: int
-) -> Iterator[Candidate]:
+) -> Iterator[OptionCandidate]:
     """Yields claims that a value rises, falls or stays; of two options of which one says that it stays, that it ever
     leaves its start. What changes by about as much as counts is left out."""
     start, end = float(values[0]), float(values[-1])
@@ -166,12 +166,12 @@ def claim_ways(
                 {Way.UP: f"{off} > {edge}", Way.DOWN: f"{off} < -{edge}"}.get(way, f"Math.abs({off}) <= {edge}")
             )
     what = f"the change of “{shown.label}” from its start"
-    yield Candidate(build_outcome(scene, claims), what, rank)
+    yield OptionCandidate(build_outcome(scene, claims), what, rank)
 
 
 def list_rankings(
     key: OptionKey, asked: AskedQuantities, scene: LabScene, settings: Sequence[Setting | None]
-) -> Iterator[Candidate]:
+) -> Iterator[OptionCandidate]:
     """Yields criteria under which the option with the largest, or smallest, value of its run is right, where the
     question asks for that."""
     name = next((quantity for quantity in asked.quantities if quantity in ("max", "min")), None)
@@ -197,7 +197,7 @@ def list_rankings(
                 {"by": "options", "criterion": {"expr": expr, "when": "max", **bound}, "seconds": scene.seconds}
             )
             what = f"the largest value of “{expression.label}”{' without sign' * (change is np.abs)} under each option"
-            yield Candidate(verify, what, min(len(read_words(expression.label) & asked.words), 2))
+            yield OptionCandidate(verify, what, min(len(read_words(expression.label) & asked.words), 2))
 
 
 def run_setting(lab: Any, scene: LabScene, setting: Setting | None) -> LabRun:

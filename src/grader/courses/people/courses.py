@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people import members
 from grader.courses.people.audit import Action, record
-from grader.courses.people.identity import Identity, Kind, Role, check_name, find
+from grader.courses.people.identity import CredentialKind, Identity, Role, check_name, find
 from grader.courses.people.platforms import NEW_COURSES, course_exists, require_administrator
 from grader.courses.people.sign_in import SPENT, BrowserSession, start_session
 from grader.errors import Conflict, Forbidden, NotFound, Unauthorized
@@ -101,7 +101,7 @@ def add_course(session: Session, who: Identity, code: str) -> BrowserSession:
     """Uses a sign-in link of another course, and adds that course to those which this person enters from their own.
     Raises Unauthorized, Forbidden unless they are an instructor in both, and Conflict for a link of the own course."""
     members.require_credential(session, who)
-    link = find(session, Kind.SIGN_IN, code)
+    link = find(session, CredentialKind.SIGN_IN, code)
     if link is None:
         raise Unauthorized(SPENT)
     home, member = get_home(session, who), session.get_one(Member, link.member)

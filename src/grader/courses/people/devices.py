@@ -11,7 +11,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import Action, record
-from grader.courses.people.identity import Identity, Kind, Role, Scope, issue, visible_part
+from grader.courses.people.identity import CredentialKind, Identity, Role, Scope, issue, visible_part
 from grader.courses.people.members import require_credential
 from grader.errors import Conflict, NotFound
 from grader.store import credentials, people, tickets
@@ -132,7 +132,7 @@ def ask(session: Session, device_code: str) -> DeviceToken | Refusal:
     member = None if body["member"] is None else people.get(session, body["member"], body["course"])
     if member is None or member.role != body["role"]:
         return DENIED
-    token = issue(session, Kind.TOKEN, member, TOKEN, scopes=SCOPES, label=body["label"])
+    token = issue(session, CredentialKind.TOKEN, member, TOKEN, scopes=SCOPES, label=body["label"])
     return DeviceToken(token, member.name, member.course)
 
 
@@ -147,12 +147,12 @@ def _wait(session: Session, device_code: str, body: dict[str, Any]) -> Refusal:
 
 def list_devices(session: Session, who: Identity) -> Sequence[Credential]:
     """Returns the tokens of a member that are valid, newest first."""
-    return credentials.list_alive_of(session, who.id, Kind.TOKEN, now())
+    return credentials.list_alive_of(session, who.id, CredentialKind.TOKEN, now())
 
 
 def revoke_device(session: Session, who: Identity, token_id: str) -> None:
     """Revokes a token of one's own. Raises NotFound."""
-    credential = credentials.find(session, token_id, Kind.TOKEN, now())
+    credential = credentials.find(session, token_id, CredentialKind.TOKEN, now())
     if credential is None or credential.member != who.id:
         raise NotFound("You have no such device.")
     credentials.revoke(session, credential.id, now())

@@ -58,7 +58,7 @@ class Scope(StrEnum):
     PEOPLE = "people"
 
 
-class Kind(StrEnum):
+class CredentialKind(StrEnum):
     """The kind of a credential; the value is its prefix, by which scanners recognise a leaked one."""
 
     TOKEN = "grt"  # noqa: S105
@@ -122,12 +122,12 @@ def authenticate(database: Database, authorization: str | None, cookies: Mapping
     return read_identity(credential)
 
 
-def read_presented(authorization: str | None, cookies: Mapping[str, str]) -> tuple[Kind, str]:
+def read_presented(authorization: str | None, cookies: Mapping[str, str]) -> tuple[CredentialKind, str]:
     """Returns the kind and the text of the credential that a request carries; an empty text if it carries none."""
     if authorization is not None:
         scheme, _, token = authorization.partition(" ")
-        return Kind.TOKEN, token.strip() if scheme.lower() == "bearer" else ""
-    return Kind.SESSION, cookies.get(SECURE_COOKIE) or cookies.get(COOKIE) or ""
+        return CredentialKind.TOKEN, token.strip() if scheme.lower() == "bearer" else ""
+    return CredentialKind.SESSION, cookies.get(SECURE_COOKIE) or cookies.get(COOKIE) or ""
 
 
 class CredentialCache:
@@ -156,7 +156,7 @@ class CredentialCache:
 
 
 def issue(
-    session: Session, kind: Kind, member: Member, lifetime: timedelta | None = None, *,
+    session: Session, kind: CredentialKind, member: Member, lifetime: timedelta | None = None, *,
     scopes: frozenset[Scope] | None = None, by: Identity | None = None, platform: int | None = None,
     label: str | None = None, home: str | None = None,
 ) -> str:  # fmt: skip
@@ -179,7 +179,7 @@ def issue(
     return f"{kind.value}_{credential_id}_{secret}"
 
 
-def find(session: Session, kind: Kind, presented: str) -> Credential | None:
+def find(session: Session, kind: CredentialKind, presented: str) -> Credential | None:
     """Returns the credential with this text; None if it is unknown, revoked or expired."""
     prefix, _, rest = presented.partition("_")
     credential_id, _, secret = rest.partition("_")
@@ -193,13 +193,13 @@ def find(session: Session, kind: Kind, presented: str) -> Credential | None:
 
 def still_holds(session: Session, who: Identity) -> bool:
     """Says whether the credential that was presented has not ended meanwhile."""
-    kind = Kind.SESSION if who.by_cookie else Kind.TOKEN
+    kind = CredentialKind.SESSION if who.by_cookie else CredentialKind.TOKEN
     return credentials.find(session, who.credential, kind.value, now()) is not None
 
 
 def read_identity(credential: Credential) -> Identity:
     """Returns the identity that a credential proves."""
-    by_cookie = credential.kind == Kind.SESSION
+    by_cookie = credential.kind == CredentialKind.SESSION
     scopes = None if credential.scopes is None else frozenset(map(Scope, credential.scopes.split()))
     return Identity(
         credential.member, credential.user, Role(credential.role), credential.course, by_cookie, scopes, credential.id,

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people import members
 from grader.courses.people.audit import Action, record
-from grader.courses.people.identity import Identity, Kind, Role, issue
+from grader.courses.people.identity import CredentialKind, Identity, Role, issue
 from grader.courses.people.sign_in import BrowserSession, start_session
 from grader.errors import Conflict, Forbidden, NotFound, Unprocessable
 from grader.store import courses, credentials
@@ -59,20 +59,20 @@ def invite_member(session: Session, by: Identity | None, member: Member) -> Invi
     members.require_credential(session, by)
     members.require_reach(by, member.role)
     session.flush()
-    credentials.revoke_all(session, member.id, now(), [Kind.SIGN_IN])
-    code = issue(session, Kind.SIGN_IN, member, INVITATION, by=by)
+    credentials.revoke_all(session, member.id, now(), [CredentialKind.SIGN_IN])
+    code = issue(session, CredentialKind.SIGN_IN, member, INVITATION, by=by)
     record(session, by, member.course, Action.INVITED, member.name, member=member.id, role=member.role)
     return Invitation(member, code, now() + INVITATION)
 
 
 def list_pending(session: Session, course: str) -> Sequence[Credential]:
     """Returns the links of a course that were neither used nor revoked, newest first."""
-    return credentials.list_alive(session, course, Kind.SIGN_IN, now())
+    return credentials.list_alive(session, course, CredentialKind.SIGN_IN, now())
 
 
 def revoke(session: Session, by: Identity, invitation_id: str) -> None:
     """Ends a link. Raises NotFound if it is not one of the course, or has ended; Forbidden, Unauthorized."""
-    credential = credentials.find(session, invitation_id, Kind.SIGN_IN, now())
+    credential = credentials.find(session, invitation_id, CredentialKind.SIGN_IN, now())
     if credential is None or credential.course != by.course:
         raise NotFound("There is no such invitation.")
     members.require_credential(session, by)

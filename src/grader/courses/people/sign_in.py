@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import Action, record
-from grader.courses.people.identity import Identity, Kind, Role, check_role, find, issue, read_identity
+from grader.courses.people.identity import CredentialKind, Identity, Role, check_role, find, issue, read_identity
 from grader.courses.people.members import get_named, give_role, make_unnamed
 from grader.errors import Unauthorized
 from grader.store import credentials, people
@@ -17,7 +17,7 @@ INSTRUCTOR_SESSION = timedelta(hours=12)
 SIGN_IN_CODE = timedelta(hours=24)
 RETURN_CODE = LEARNER_SESSION
 
-PRUNED = (Kind.SESSION, Kind.SIGN_IN)
+PRUNED = (CredentialKind.SESSION, CredentialKind.SIGN_IN)
 """Kinds of credentials that are deleted once they have ended. Tokens stay listed."""
 
 SPENT = "This sign-in link is unknown, has been used, or is too old."
@@ -38,7 +38,7 @@ def create_sign_in_code(session: Session, user: str, role: Role | str, course: s
     checked = check_role(role)
     member = get_named(session, user, checked, course)
     give_role(session, None, member, checked)
-    return issue(session, Kind.SIGN_IN, member, SIGN_IN_CODE)
+    return issue(session, CredentialKind.SIGN_IN, member, SIGN_IN_CODE)
 
 
 def start_session(
@@ -53,7 +53,7 @@ def start_session(
     lifetime = INSTRUCTOR_SESSION if is_short else LEARNER_SESSION
     if until is not None:
         lifetime = min(lifetime, until - now())
-    secret = issue(session, Kind.SESSION, member, lifetime, platform=platform, home=home)
+    secret = issue(session, CredentialKind.SESSION, member, lifetime, platform=platform, home=home)
     session.flush()
     credential = session.get_one(Credential, secret.split("_")[1])
     return BrowserSession(replace(read_identity(credential), by_cookie=True), secret, lifetime)
@@ -66,13 +66,13 @@ def start_anonymous_session(session: Session) -> BrowserSession:
 
 def find_identity(session: Session, code: str) -> Identity | None:
     """Says who would sign in with the code, which stays valid; None if it is unknown, used or expired."""
-    credential = find(session, Kind.SIGN_IN, code)
+    credential = find(session, CredentialKind.SIGN_IN, code)
     return None if credential is None else read_identity(credential)
 
 
 def redeem_sign_in_code(session: Session, code: str) -> BrowserSession:
     """Exchanges a code for a browser session. Raises Unauthorized if it is unknown, used or expired."""
-    credential = find(session, Kind.SIGN_IN, code)
+    credential = find(session, CredentialKind.SIGN_IN, code)
     if credential is None or not credentials.revoke(session, credential.id, now()):
         raise Unauthorized(SPENT)
     opened = start_session(session, session.get_one(Member, credential.member))
@@ -83,9 +83,9 @@ def redeem_sign_in_code(session: Session, code: str) -> BrowserSession:
 def create_return_code(session: Session, who: Identity) -> str:
     """Creates a code with which the owner of a browser session comes back; it revokes the earlier ones. An instructor's
     is as short as any other sign-in code: it must not outlive their session by half a year."""
-    credentials.revoke_all(session, who.id, now(), [Kind.SIGN_IN])
+    credentials.revoke_all(session, who.id, now(), [CredentialKind.SIGN_IN])
     member = session.get_one(Member, who.id)
-    return issue(session, Kind.SIGN_IN, member, RETURN_CODE if member.role == Role.STUDENT else SIGN_IN_CODE)
+    return issue(session, CredentialKind.SIGN_IN, member, RETURN_CODE if member.role == Role.STUDENT else SIGN_IN_CODE)
 
 
 def is_only_in_browser(session: Session, who: Identity) -> bool:
@@ -95,5 +95,5 @@ def is_only_in_browser(session: Session, who: Identity) -> bool:
 
 def end_session(session: Session, cookie: str) -> None:
     """Revokes the session of a cookie, and the one that it was opened from; an invalid cookie is ignored."""
-    if credential := find(session, Kind.SESSION, cookie):
+    if credential := find(session, CredentialKind.SESSION, cookie):
         credentials.revoke(session, credential.home or credential.id, now())

@@ -9,8 +9,8 @@ from sqlalchemy.orm import Session
 from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import (
     DEFAULT_COURSE,
+    CredentialKind,
     Identity,
-    Kind,
     Role,
     Scope,
     check_role,
@@ -42,7 +42,7 @@ def create_token(
     if member.role != checked:
         raise Conflict(other_roles([member]))
     session.flush()
-    text = issue(session, Kind.TOKEN, member, lifetime, scopes=wanted, by=by)
+    text = issue(session, CredentialKind.TOKEN, member, lifetime, scopes=wanted, by=by)
     shown = None if wanted is None else sorted(wanted)
     record(session, by, member.course, Action.TOKEN_CREATED, user, role=checked.value, scopes=shown)
     return text
@@ -54,7 +54,7 @@ def require_within(
     """Raises Forbidden if a token would outdo the restricted one that creates it, in scopes or in time."""
     if wanted is None or not wanted <= own:
         raise Forbidden("A token can give another only the scopes that it has itself.")
-    credential = credentials.find(session, by.credential, Kind.TOKEN, now())
+    credential = credentials.find(session, by.credential, CredentialKind.TOKEN, now())
     ends = None if credential is None else credential.expires_at
     if ends is not None and (lifetime is None or now() + lifetime > ends):
         raise Forbidden(f"A token can give another only the time that it has itself: until {ends:%Y-%m-%d %H:%M} UTC.")
@@ -62,13 +62,13 @@ def require_within(
 
 def list_tokens(session: Session, course: str) -> Sequence[Credential]:
     """Returns the tokens of a course that were not revoked and have not expired, newest first."""
-    return credentials.list_alive(session, course, Kind.TOKEN, now())
+    return credentials.list_alive(session, course, CredentialKind.TOKEN, now())
 
 
 def revoke(session: Session, token_id: str, course: str, by: Identity | None = None) -> None:
     """Revokes one token by its id; a restricted token ends those of students and itself. Raises NotFound if it is not
     one of the course, or has ended; Forbidden, Unauthorized."""
-    credential = credentials.find(session, token_id, Kind.TOKEN, now())
+    credential = credentials.find(session, token_id, CredentialKind.TOKEN, now())
     if credential is None or credential.course != course:
         raise NotFound("There is no such token.")
     require_credential(session, by)

@@ -46,7 +46,7 @@ VOLATILE = frozenset({"timing_ms", "environment", "stdout", "stderr", "content_d
 log = structlog.get_logger()
 
 
-class Outcome(StrEnum):
+class RegradeOutcome(StrEnum):
     """What became of a submission. All but `CHANGED` keep the verdict."""
 
     CHANGED = "changed"
@@ -85,7 +85,7 @@ class RegradedSubmission:
     """A submission that was graded again. Without an outcome it waits for its first verdict."""
 
     work: Work
-    outcome: Outcome | None
+    outcome: RegradeOutcome | None
     verdict: Verdict | None = None
 
 
@@ -133,22 +133,28 @@ class Regrading:
     def _regraded(self, work: Work, digest: str) -> RegradedSubmission:
         submission = work.submission
         if submission is None:
-            return RegradedSubmission(work, Outcome.UNFIT)
+            return RegradedSubmission(work, RegradeOutcome.UNFIT)
         if submission.status not in submissions.AT_REST:
             return RegradedSubmission(work, None)
-        return RegradedSubmission(work, Outcome.REVIEWED) if work.reviewed else self._judged(work, submission, digest)
+        return (
+            RegradedSubmission(work, RegradeOutcome.REVIEWED)
+            if work.reviewed
+            else self._judged(work, submission, digest)
+        )
 
     def _judged(self, work: Work, submission: Submission, digest: str) -> RegradedSubmission:
         try:
             verdict = self.judge(submission, digest)
         except (CallerError, InvalidAnswer):
-            return RegradedSubmission(work, Outcome.UNFIT)
+            return RegradedSubmission(work, RegradeOutcome.UNFIT)
         except JailFault:
             log.exception("regrading failed", submission=submission.id)
-            return RegradedSubmission(work, Outcome.FAULT)
+            return RegradedSubmission(work, RegradeOutcome.FAULT)
         if verdict.status is Status.GRADER_FAULT:
-            return RegradedSubmission(work, Outcome.FAULT)
-        return RegradedSubmission(work, Outcome.SAME if is_same(work.verdict, verdict) else Outcome.CHANGED, verdict)
+            return RegradedSubmission(work, RegradeOutcome.FAULT)
+        return RegradedSubmission(
+            work, RegradeOutcome.SAME if is_same(work.verdict, verdict) else RegradeOutcome.CHANGED, verdict
+        )
 
     def _store(self, session: Session, piece: Piece, done: list[RegradedSubmission]) -> None:
         regrade = regrades.lock(session, piece.regrade.id)
@@ -195,13 +201,13 @@ class _Storing:
             return 0.0
         if done.outcome is None:
             return LOOK_S
-        if done.outcome is Outcome.FAULT:
+        if done.outcome is RegradeOutcome.FAULT:
             item.tries += 1
             if (pause_s := self.task.retries.pause_after(item.tries)) is not None:
                 return pause_s
         seen = done.work.submission
         if seen is None or submission is None:
-            item.outcome = Outcome.UNFIT.value
+            item.outcome = RegradeOutcome.UNFIT.value
             return 0.0
         if submission.revision != seen.revision:
             return LOOK_S  # decided over meanwhile: it is graded once more
@@ -223,7 +229,7 @@ class _Storing:
                 self.session, self.library, key, list_changed(self.session, item)
             )
             return
-        if done.outcome is Outcome.CHANGED and done.verdict is not None:
+        if done.outcome is RegradeOutcome.CHANGED and done.verdict is not None:
             results.append_verdict(
                 self.task.database, self.library, self.session, submission, done.verdict, cause="regrade"
             )
@@ -252,7 +258,7 @@ def list_changed(session: Session, item: RegradeItem) -> dict[str, tuple[Status,
     return {
         other.submission_id: (Status(other.new_status), other.new_points or 0.0)
         for other in regrades.at_place(session, item.regrade_id, item.place)
-        if other.outcome == Outcome.CHANGED and other.new_status is not None
+        if other.outcome == RegradeOutcome.CHANGED and other.new_status is not None
     }
 
 

@@ -46,7 +46,7 @@ class Column:
         return f"{self.quiz}/{self.question}" if self.question else self.quiz
 
 
-class Row(NamedTuple):
+class LearnerRow(NamedTuple):
     """One learner, with the points that count by (quiz, question); what is missing is an empty cell. `user` is the
     name, which several may bear; `id` tells them apart and never changes. `mark` follows a name that another bears too:
     without one Canvas gives the points of both to the first whom it finds by name. `login` is a name that an instructor
@@ -64,7 +64,7 @@ class Row(NamedTuple):
     mark: str = ""
 
 
-LEARNER: Mapping[Form, Mapping[str, Callable[[Row], str]]] = {
+LEARNER: Mapping[Form, Mapping[str, Callable[[LearnerRow], str]]] = {
     Form.GENERIC: {"user": lambda row: row.user, "id": lambda row: row.id, "email": lambda row: row.email},
     Form.CANVAS: {
         "Student": lambda row: no_points_row(f"{row.user} {row.mark}" if row.mark else row.user),
@@ -92,7 +92,7 @@ NUMBERED = re.compile(r".*\s\(\d+\)", re.DOTALL)
 
 
 def gradebook_csv(
-    rows: Iterable[Row], columns: Sequence[Column], form: Form = Form.GENERIC, *, bom: bool = False
+    rows: Iterable[LearnerRow], columns: Sequence[Column], form: Form = Form.GENERIC, *, bom: bool = False
 ) -> Iterator[str]:
     r"""The lines of the gradebook, ended by "\r\n" (RFC 4180); one learner is held at a time. The generic form ends
     with `points` and `max_points`, the sums over all columns. `bom` marks the text as UTF-8 for Excel, which takes it
@@ -114,7 +114,7 @@ def heading_cells(columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
         yield [f"    {POINTS_ROW}", *blank, *(number(column.max_points) for column in columns)]
 
 
-def build_cells(rows: Iterable[Row], columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
+def build_cells(rows: Iterable[LearnerRow], columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
     """The cells of each learner."""
     full = number(math.fsum(column.max_points for column in columns))
     keys, learner = [(column.quiz, column.question) for column in columns], list(LEARNER[form].values())

@@ -29,7 +29,7 @@ LEARNERS_MIN = 4
 """Fisher's interval has the standard error 1 / sqrt(n - 3)."""
 
 
-class Row(NamedTuple):
+class ResultRow(NamedTuple):
     """One learner at one question: the points that count, and what they answered first. `option` and `value` are those
     of the first attempt, as is `first_status`; `several` is a JSON object with a list of either, where an answer has
     several. `diagnoses` are those of all attempts, as a JSON list."""
@@ -100,7 +100,7 @@ class Tally:
     max_points: NDArray[np.float64]
 
 
-class Answer(NamedTuple):
+class CommonAnswer(NamedTuple):
     """What the rows of learners who answered alike have in common."""
 
     first_status: str
@@ -110,12 +110,12 @@ class Answer(NamedTuple):
     several: str | None
 
 
-Answers = Sequence[tuple[Answer, int]]
+Answers = Sequence[tuple[CommonAnswer, int]]
 """The answers to one question, and how many learners gave each."""
 
 
 def tally_answers(
-    pieces: Iterable[Sequence[Row]], tolerances: Mapping[str, Sequence[float | None]] | None = None
+    pieces: Iterable[Sequence[ResultRow]], tolerances: Mapping[str, Sequence[float | None]] | None = None
 ) -> dict[str, Tally]:
     """Counts the answers to every question that has rows, in the order of their first rows. `pieces` are some rows
     each: of these one is held at a time. `tolerances` are those of the numbers that questions ask for, in their units.
@@ -130,9 +130,9 @@ def tally_answers(
         columns.append((*names, np.array(points, float), np.array(max_points, float)))
     if not columns:
         return {}
-    answers: dict[str, list[tuple[Answer, int]]] = {name: [] for name in numbers[1]}
+    answers: dict[str, list[tuple[CommonAnswer, int]]] = {name: [] for name in numbers[1]}
     for (name, *answer), count in counted_alike.items():
-        answers[name].append((Answer._make(answer), count))
+        answers[name].append((CommonAnswer._make(answer), count))
     learners, questions, all_points, all_max_points = map(np.concatenate, zip(*columns, strict=True))
     tallies = {}
     for number, name in enumerate(answers):

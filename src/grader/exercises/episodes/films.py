@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
-from grader.exercises.episodes.judge import Outcome
+from grader.exercises.episodes.judge import EpisodeOutcome
 from grader.exercises.episodes.parameters import Problem
 from grader.exercises.episodes.simulating import Record
 from grader.exercises.film import Film, Panel, choose_rows
@@ -19,7 +19,7 @@ FIGURES = 6
 """Figures of the positions that are kept: more than can be seen."""
 
 
-class Run(BaseModel):
+class RecordedRun(BaseModel):
     """Some positions of an episode, as the evidence has them: at which times [s], and why it ended early."""
 
     episode: int = Field(ge=0)
@@ -32,7 +32,7 @@ class CaseRuns(BaseModel):
     """The runs of one case, as the evidence has them."""
 
     case: str
-    runs: list[Run] = Field(min_length=1)
+    runs: list[RecordedRun] = Field(min_length=1)
 
 
 class Films(BaseModel):
@@ -41,12 +41,12 @@ class Films(BaseModel):
     cases: list[CaseRuns]
 
 
-def choose_episode(outcome: Outcome) -> int:
+def choose_episode(outcome: EpisodeOutcome) -> int:
     """Returns the place of the first episode that did not succeed, else of the first."""
     return next((place for place, failed in enumerate(outcome.failed) if failed), 0)
 
 
-def keep_film(visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
+def keep_film(visible: Sequence[JudgedTrial[Problem, EpisodeOutcome]]) -> dict[str, Any]:
     """Returns `film`: the positions in the visible cases, those that failed first. Where some episodes of a
     case failed, one of them and one that succeeded. Nothing where nothing was simulated."""
     ordered = sorted(visible, key=lambda trial: not any(trial.judgement.outcome.failed))
@@ -56,7 +56,7 @@ def keep_film(visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any
     return {"film": {"title": "Your run", "about": about, "cases": with_runs}} if with_runs else {}
 
 
-def keep_runs(outcome: Outcome) -> list[dict[str, Any]]:
+def keep_runs(outcome: EpisodeOutcome) -> list[dict[str, Any]]:
     """Returns the episode that is shown of a case; where it failed, beside the first that succeeded."""
     chosen = choose_episode(outcome)
     others = [place for place, failed in enumerate(outcome.failed) if not failed and place != chosen][:1]
@@ -112,7 +112,7 @@ def build_film(problem: Problem, case_runs: CaseRuns) -> Film | None:
     return Film(case_runs.case, title, f"{title}: {'; '.join(ends) or 'simulated to its end'}.", scene, end_s, panels)
 
 
-def build_panel(run: Run, *, is_one_of_several: bool) -> Panel:
+def build_panel(run: RecordedRun, *, is_one_of_several: bool) -> Panel:
     """Returns a run as a panel. Raises no error for rows of different lengths: their shape tells."""
     widths = {len(row) for row in run.qpos}
     qpos = np.array(run.qpos if len(widths) == 1 else [[]], dtype=np.float64)

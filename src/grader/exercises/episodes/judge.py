@@ -24,7 +24,7 @@ REACHING = ("rms", "error", "settling", "return")
 
 
 @dataclass(frozen=True)
-class Outcome:
+class EpisodeOutcome:
     """The records of a case, and the goals that each did not reach."""
 
     records: Sequence[Record]
@@ -41,11 +41,11 @@ class Outcome:
 
 def judge_records(
     parameters: EpisodesParameters, problem: Problem, records: Sequence[Record], *, hidden: bool
-) -> Judgement[Outcome]:
+) -> Judgement[EpisodeOutcome]:
     """Returns the judgement on a case. An exception loses its own episode alone."""
     measured = [[measure_goal(goal, record) for goal in parameters.goals] for record in records]
     failed = [find_failed(parameters.goals, values) for values in measured]
-    outcome = Outcome(records, failed)
+    outcome = EpisodeOutcome(records, failed)
     faults = [record.fault for record in records if record.fault is not None]
     several = len(records) > 1
     if faults and len(faults) == len(records):
@@ -109,8 +109,8 @@ def name_goal(goal: Goal) -> str:
 
 
 def judge_share(
-    parameters: EpisodesParameters, problem: Problem, outcome: Outcome, *, hidden: bool
-) -> Judgement[Outcome]:
+    parameters: EpisodesParameters, problem: Problem, outcome: EpisodeOutcome, *, hidden: bool
+) -> Judgement[EpisodeOutcome]:
     """Returns the judgement on several episodes."""
     n = len(outcome.records)
     successes = sum(not failed for failed in outcome.failed)
@@ -125,7 +125,7 @@ def judge_share(
     return Judgement(passed, message, outcome, detail, measured=successes / n, expected=problem.case.share)
 
 
-def explain_most(parameters: EpisodesParameters, outcome: Outcome, *, hidden: bool) -> str:
+def explain_most(parameters: EpisodesParameters, outcome: EpisodeOutcome, *, hidden: bool) -> str:
     """Returns what went wrong in most of the episodes that did not succeed."""
     wrong = [record for record, failed in zip(outcome.records, outcome.failed, strict=True) if failed]
     faults = [record.fault for record in wrong if record.fault is not None]

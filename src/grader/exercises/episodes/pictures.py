@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from grader.exercises.episodes.films import choose_episode, keep_film
-from grader.exercises.episodes.judge import Outcome
+from grader.exercises.episodes.judge import EpisodeOutcome
 from grader.exercises.episodes.parameters import EpisodesParameters, Problem
 from grader.exercises.episodes.simulating import Floats, Record
 from grader.exercises.kind import JudgedTrial
@@ -15,7 +15,9 @@ POINTS_MAX = 300
 CONTROLS_MAX = 4
 
 
-def build_evidence(parameters: EpisodesParameters, visible: Sequence[JudgedTrial[Problem, Outcome]]) -> dict[str, Any]:
+def build_evidence(
+    parameters: EpisodesParameters, visible: Sequence[JudgedTrial[Problem, EpisodeOutcome]]
+) -> dict[str, Any]:
     """Returns two charts for each visible case: of its first episode that did not succeed, else of its first. They show
     what the learner's own controller did, so that they are feedback and no solution. The `film` shows it moving."""
     charts = []

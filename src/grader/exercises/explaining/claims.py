@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from grader.exercises.explaining.script import Script
+from grader.exercises.explaining.script import ParsedScript
 from grader.exercises.trace import Trace
 
 RESETS = frozenset({"mj_resetData", "mj_resetDataKeyframe", "mj_resetDataDebug"})
@@ -17,7 +17,7 @@ RESETS = frozenset({"mj_resetData", "mj_resetDataKeyframe", "mj_resetDataDebug"}
 class Evidence:
     """What a claim is held against: the script, and the traces of the trials, failed ones apart."""
 
-    script: Script
+    script: ParsedScript
     traces: Sequence[Trace]
     failed: Sequence[Trace]
 
@@ -26,7 +26,7 @@ Condition = Callable[[Evidence, "re.Match[str]"], bool]
 
 
 @dataclass(frozen=True)
-class Claim:
+class SentenceClaim:
     """What sentences claim that match `pattern`, and whether it is true. Where it is not, `weaker` stands in its place,
     which is true all the same; None: the sentence is not shown. Where the text of the script is unknown, what is
     claimed of it is taken for true, and so with what no trace tells of."""
@@ -36,7 +36,7 @@ class Claim:
     weaker: str | None = None
 
 
-def of_script(is_true: Callable[[Script], Any]) -> Condition:
+def of_script(is_true: Callable[[ParsedScript], Any]) -> Condition:
     """Returns the condition that the text of the script must meet."""
     return lambda evidence, _: evidence.script.tree is None or bool(is_true(evidence.script))
 
@@ -78,9 +78,9 @@ def has_caught(evidence: Evidence, _: object) -> bool:
     return any(trace.handled_exceptions for trace in evidence.failed)
 
 
-def build_claims(table: Sequence[tuple[str, Condition] | tuple[str, Condition, str]]) -> tuple[Claim, ...]:
+def build_claims(table: Sequence[tuple[str, Condition] | tuple[str, Condition, str]]) -> tuple[SentenceClaim, ...]:
     """Returns the claims of a table: patterns, conditions, and weaker words where there are any."""
-    return tuple(Claim(re.compile(pattern), is_true, *weaker) for pattern, is_true, *weaker in table)
+    return tuple(SentenceClaim(re.compile(pattern), is_true, *weaker) for pattern, is_true, *weaker in table)
 
 
 CLAIMS = build_claims([
@@ -99,7 +99,7 @@ CLAIMS = build_claims([
 """The claims that sentences of any kind may make."""
 
 
-def find_untrue(sentence: str, evidence: Evidence, claims: Sequence[Claim] = CLAIMS) -> Iterator[str]:
+def find_untrue(sentence: str, evidence: Evidence, claims: Sequence[SentenceClaim] = CLAIMS) -> Iterator[str]:
     """Yields each part of a sentence that is not true."""
     for claim in claims:
         for match in claim.pattern.finditer(sentence):
@@ -107,7 +107,7 @@ def find_untrue(sentence: str, evidence: Evidence, claims: Sequence[Claim] = CLA
                 yield match[0]
 
 
-def correct_sentence(sentence: str, evidence: Evidence, claims: Sequence[Claim] = CLAIMS) -> str | None:
+def correct_sentence(sentence: str, evidence: Evidence, claims: Sequence[SentenceClaim] = CLAIMS) -> str | None:
     """Returns a sentence whose untrue parts are in weaker words; None where there are none for one of them."""
     for claim in claims:
         match = claim.pattern.search(sentence)

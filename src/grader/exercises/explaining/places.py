@@ -5,9 +5,9 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from grader.exercises.explaining.script import Script, walk_within
+from grader.exercises.explaining.script import ParsedScript, walk_within
 
-Find = Callable[[Script, "re.Match[str]"], int | None]
+Find = Callable[[ParsedScript, "re.Match[str]"], int | None]
 
 
 @dataclass(frozen=True)
@@ -33,31 +33,31 @@ def call_of(*names: str) -> Find:
     return lambda script, _: script.find_call(*names)
 
 
-def find_named_field(script: Script, match: "re.Match[str]") -> int | None:
+def find_named_field(script: ParsedScript, match: "re.Match[str]") -> int | None:
     """Returns the line of the last statement that writes the field in the first group, such as model.opt.timestep."""
     return script.find_write(match[1].rpartition(".")[2])
 
 
-def find_middle(script: Script, _: object) -> int | None:
+def find_middle(script: ParsedScript, _: object) -> int | None:
     """Returns the line that computes the middle of a bisection; None where there is none, or several."""
     lines = {*script.find_middles().values()}
     return lines.pop() if len(lines) == 1 else None
 
 
-def find_test(script: Script, _: object) -> int | None:
+def find_test(script: ParsedScript, _: object) -> int | None:
     """Returns the line of the condition by which a bisection moves its ends; None where there is none, or several."""
     lines = {test for middle in script.find_middles() for _, _, test in script.find_updates(middle) if test}
     return lines.pop() if len(lines) == 1 else None
 
 
-def find_free_update(script: Script, _: object) -> int | None:
+def find_free_update(script: ParsedScript, _: object) -> int | None:
     """Returns the line that moves an end of a bisection outside of any condition; None where there is none, or
     several."""
     lines = {line for middle in script.find_middles() for _, line, test in script.find_updates(middle) if not test}
     return lines.pop() if len(lines) == 1 else None
 
 
-def find_result(script: Script, _: object) -> int | None:
+def find_result(script: ParsedScript, _: object) -> int | None:
     """Returns the line of the last `return` of the one function that the script itself never names; None where there
     are several such functions."""
     named = {node.id for node in script.nodes if isinstance(node, ast.Name)}
@@ -70,7 +70,7 @@ def find_result(script: Script, _: object) -> int | None:
     return max((node.lineno for node in filled or returns), default=None)
 
 
-def find_landmark(sentence: str, script: Script, landmarks: Sequence[Landmark]) -> int | None:
+def find_landmark(sentence: str, script: ParsedScript, landmarks: Sequence[Landmark]) -> int | None:
     """Returns the line that a sentence is about; None where it is about none, or the script has no such line."""
     for landmark in landmarks:
         match = landmark.pattern.search(sentence)

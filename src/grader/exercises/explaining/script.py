@@ -20,7 +20,7 @@ SOURCE_BYTES_MAX = 64 * 1024
 
 
 @dataclass(frozen=True, eq=False)
-class Script:
+class ParsedScript:
     """The text of a script, empty where it is unknown."""
 
     source: str = ""
@@ -164,7 +164,7 @@ class Script:
         return sorted(updates, key=lambda update: update[1])
 
 
-NO_SCRIPT = Script()
+NO_SCRIPT = ParsedScript()
 
 
 def walk_within(node: ast.AST) -> Iterator[ast.AST]:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from grader.exercises.explaining.script import (
-    Script,
+    ParsedScript,
     is_field,
     list_items,
     list_pairs,
@@ -16,7 +16,7 @@ from grader.exercises.explaining.script import (
 )
 
 
-def find_origin(script: Script, line: int, field: str) -> int:
+def find_origin(script: ParsedScript, line: int, field: str) -> int:
     """Returns the line that computes what the statement on a line writes into a field: where that is a variable, the
     line above it in the same block that gives the variable its value; else the line itself."""
     place = next(((block, index) for block, index in list_places(script) if block[index].lineno == line), None)
@@ -43,7 +43,7 @@ def find_source(statement: ast.stmt, matches: Callable[[ast.expr], bool]) -> str
     return next((value.id for value in pairs if isinstance(value, ast.Name)), None)
 
 
-def list_places(script: Script) -> Iterator[tuple[Sequence[ast.stmt], int]]:
+def list_places(script: ParsedScript) -> Iterator[tuple[Sequence[ast.stmt], int]]:
     """Yields every statement as its block and its place there."""
     for node in script.nodes:
         for name in ("body", "orelse", "finalbody"):
@@ -67,14 +67,14 @@ def binds(statement: ast.stmt, name: str) -> bool:
     )
 
 
-def find_view(script: Script, fields: Sequence[str]) -> int | None:
+def find_view(script: ParsedScript, fields: Sequence[str]) -> int | None:
     """Returns the first line that gives one of these fields of data a name, returns it, or appends it, without a copy;
     None where none does."""
     values = list_kept_values(script)
     return min((line for line, value in values if any(is_field(value, field) for field in fields)), default=None)
 
 
-def list_kept_values(script: Script) -> Iterator[tuple[int, ast.expr]]:
+def list_kept_values(script: ParsedScript) -> Iterator[tuple[int, ast.expr]]:
     """Yields each value that a script keeps, with its line."""
     for node in script.nodes:
         if isinstance(node, ast.Assign | ast.AnnAssign | ast.NamedExpr | ast.Return):

@@ -15,7 +15,7 @@ from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import JailFault
 from grader.exercises.crashes import explain_error
 from grader.exercises.driving.playing import describe_stop
-from grader.exercises.explaining.script import Script
+from grader.exercises.explaining.script import ParsedScript
 from grader.exercises.findings import AnyJudged, build_findings, build_titles, choose_message
 from grader.exercises.judgement import list_counting
 from grader.exercises.kind import JudgedTrial
@@ -62,10 +62,10 @@ def judge_exercise(
     with np.errstate(all="ignore"):  # a student's numbers may be as large as a double can hold
         measurement = load_kinds()[question.check.kind].measurement
         limited = limit_cpu(run) if measurement is None else limit_cpu(run, measurement.cpu_s_all)
-        return judge_results(question, plan, report, limited, Script(source))
+        return judge_results(question, plan, report, limited, ParsedScript(source))
 
 
-def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: Run, script: Script) -> Verdict:
+def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: Run, script: ParsedScript) -> Verdict:
     """Returns the verdict on a script that returned."""
     kind = load_kinds()[question.check.kind]
     parts = {False: report.results, True: report.hidden_results}

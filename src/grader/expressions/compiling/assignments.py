@@ -11,8 +11,8 @@ from grader.expressions import fields
 from grader.expressions.compiling import paths
 from grader.expressions.compiling.chains import Chains, is_optional
 from grader.expressions.compiling.code import (
-    Kind,
     Term,
+    ValueKind,
     build_constant,
     build_expression,
     build_name,
@@ -126,10 +126,10 @@ class Assignments(Chains):
         if old_value:
             old, kept = self.held(old, lasts=True)
         new = self.combined(
-            node, read_text(get_field(node, "operator"))[0], Term(old, Kind.NUMBER), build_constant(1.0)
+            node, read_text(get_field(node, "operator"))[0], Term(old, ValueKind.NUMBER), build_constant(1.0)
         )
         written = self.written(node, place, new).code
-        return Term(build_sequence(*place.begin, written, *([build_name(kept)] if kept else [])), Kind.NUMBER)
+        return Term(build_sequence(*place.begin, written, *([build_name(kept)] if kept else [])), ValueKind.NUMBER)
 
     def _term_update_expression(self, scope: Scope, node: Node) -> Term:
         return self.update(scope, node, old_value=node.children[0].type not in ("++", "--"))

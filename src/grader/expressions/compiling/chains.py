@@ -8,9 +8,9 @@ from tree_sitter import Node
 
 from grader.expressions.compiling import paths
 from grader.expressions.compiling.code import (
-    Kind,
     Part,
     Term,
+    ValueKind,
     build_constant,
     build_expression,
     build_name,
@@ -57,7 +57,9 @@ class Chains(Terms, ABC):
         if path not in paths.NUMBERS:
             raise SyntaxRefused(node, f"{path} cannot be read here{suggest(path, paths.READABLE)}")
         kind = paths.NUMBERS[path]
-        return Term(build_expression("READ()" if kind == "scalar" else "READ", READ=self.need(kind, path)), Kind.NUMBER)
+        return Term(
+            build_expression("READ()" if kind == "scalar" else "READ", READ=self.need(kind, path)), ValueKind.NUMBER
+        )
 
     def _link_member_expression(self, scope: Scope, node: Node) -> Term | Build:
         path = paths.find_path(node)
@@ -67,7 +69,7 @@ class Chains(Terms, ABC):
         if key not in RECORD_PARTS and key != "length":
             raise SyntaxRefused(get_field(node, "property"), f".{key} is not available")
         if path is not None and owner in paths.WRITABLE:
-            return Term(build_name(self.need("size", owner or "")), Kind.NUMBER)
+            return Term(build_name(self.need("size", owner or "")), ValueKind.NUMBER)
         return lambda value: build_expression("member(V, KEY)", V=value, KEY=ast.Constant(key))
 
     def _link_subscript_expression(self, scope: Scope, node: Node) -> Term | Build:
@@ -95,7 +97,7 @@ class Chains(Terms, ABC):
 
     def _element(self, node: Node, path: str | None, array: Part, index: Term) -> Term:
         """Returns an element of an array; `path` is the array's where it is a field."""
-        if path is None or index.kind is not Kind.NUMBER or not paths.holds_floats(path):
+        if path is None or index.kind is not ValueKind.NUMBER or not paths.holds_floats(path):
             return self.located(node, "read_index(V, INDEX)", V=array, INDEX=index.code)
         view = self.need("view", path)
         known = index.code.value if isinstance(index.code, ast.Constant) else None
@@ -109,7 +111,7 @@ class Chains(Terms, ABC):
             element = build_expression(
                 "VIEW[AT[KEY]] if FIRST in AT else undefined", VIEW=view, AT=at, KEY=key, FIRST=first
             )
-        return Term(element, Kind.ELEMENT)
+        return Term(element, ValueKind.ELEMENT)
 
     def _term_member_expression(
         self, scope: Scope, node: Node, rest: Callable[[Term], Term] = lambda term: term
@@ -172,7 +174,7 @@ class Chains(Terms, ABC):
             numbers = [self.number(self.term(scope, arg)) for arg in rest]
             numbers += [build_name("nan")] * ((count or 0) - len(numbers))
             text, called = "F(NUMBERS) if tick(machine) else 0.0", self.need("numeric", path)
-            return self.located(node, text, Kind.NUMBER, F=called, NUMBERS=numbers)
+            return self.located(node, text, ValueKind.NUMBER, F=called, NUMBERS=numbers)
         return self._host(scope, node, path, rest)
 
     def _host(self, scope: Scope, node: Node, path: str, args: list[Node]) -> Term:

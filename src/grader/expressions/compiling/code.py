@@ -37,7 +37,7 @@ PAY = "budget[0] += 1\nif budget[0] > budget[1]: raise_exhausted()"
 Part = ast.expr | str | list[ast.expr] | list[ast.stmt]
 
 
-class Kind(Enum):
+class ValueKind(Enum):
     """What is known of a value when compiling."""
 
     NUMBER = "a float"
@@ -51,17 +51,17 @@ class Term:
     """The code of an expression, with what is known of its value."""
 
     code: ast.expr
-    kind: Kind = Kind.ANY
+    kind: ValueKind = ValueKind.ANY
 
     @property
-    def stored_kind(self) -> Kind:
+    def stored_kind(self) -> ValueKind:
         """What is known of the value once it is stored or chosen."""
-        return Kind.ANY if self.kind is Kind.ELEMENT else self.kind
+        return ValueKind.ANY if self.kind is ValueKind.ELEMENT else self.kind
 
 
-def join_kinds(one: Kind, other: Kind) -> Kind:
+def join_kinds(one: ValueKind, other: ValueKind) -> ValueKind:
     """What is known of a value that may be either."""
-    return one if one is other else Kind.ANY
+    return one if one is other else ValueKind.ANY
 
 
 def build_statements(template: str, **parts: Part) -> list[ast.stmt]:
@@ -104,7 +104,13 @@ def build_name(identifier: str) -> ast.expr:
 
 def build_constant(value: float | bool | str | None) -> Term:
     """Returns a value that is known when compiling."""
-    kind = Kind.NUMBER if isinstance(value, float) else Kind.BOOLEAN if isinstance(value, bool) else Kind.ANY
+    kind = (
+        ValueKind.NUMBER
+        if isinstance(value, float)
+        else ValueKind.BOOLEAN
+        if isinstance(value, bool)
+        else ValueKind.ANY
+    )
     return Term(ast.Constant(value), kind)
 
 

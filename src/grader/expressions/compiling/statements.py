@@ -5,7 +5,7 @@ import ast
 from tree_sitter import Node
 
 from grader.expressions.compiling.assignments import Assignments
-from grader.expressions.compiling.code import PAY, Kind, Term, build_expression, build_name, build_statements
+from grader.expressions.compiling.code import PAY, Term, ValueKind, build_expression, build_name, build_statements
 from grader.expressions.compiling.scope import Binding, Scope
 from grader.expressions.compiling.syntax import FUNCTIONS, SyntaxRefused, get_field, list_parts, read_text
 from grader.expressions.machine import TICKS_PER_EVALUATION, TICKS_PER_RUN
@@ -220,7 +220,7 @@ class Compiler(Assignments):
         if any(variable.type != "identifier" for variable in names) or any(c.type == "async" for c in node.children):
             raise SyntaxRefused(node, "a function here has plain parameters only")
         parameters = [inside.declare(variable, "parameter", ready=True).name for variable in names]
-        self.variable_kinds |= dict.fromkeys(parameters, Kind.ANY)
+        self.variable_kinds |= dict.fromkeys(parameters, ValueKind.ANY)
         body = get_field(node, "body")
         loops, self.loops = self.loops, 0
         statements = self.body(inside, body) if body.type == "statement_block" else self._result(inside, body)

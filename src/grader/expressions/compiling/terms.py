@@ -10,9 +10,9 @@ from tree_sitter import Node
 
 from grader.expressions.compiling import paths
 from grader.expressions.compiling.code import (
-    Kind,
     Part,
     Term,
+    ValueKind,
     build_constant,
     build_expression,
     build_name,
@@ -45,11 +45,11 @@ LOGICAL = {
 
 BINARY = {*OPERATORS, *PYTHON, *LOGICAL}
 UNARY = {
-    "-": ("-NUMBER", Kind.NUMBER),
-    "+": ("NUMBER", Kind.NUMBER),
-    "~": ("complement(NUMBER)", Kind.NUMBER),
-    "!": ("not TRUTH", Kind.BOOLEAN),
-    "typeof": ("type_name(VALUE)", Kind.ANY),
+    "-": ("-NUMBER", ValueKind.NUMBER),
+    "+": ("NUMBER", ValueKind.NUMBER),
+    "~": ("complement(NUMBER)", ValueKind.NUMBER),
+    "!": ("not TRUTH", ValueKind.BOOLEAN),
+    "typeof": ("type_name(VALUE)", ValueKind.ANY),
 }
 """The operators of one value: their code, and what it gives."""
 
@@ -89,9 +89,9 @@ class Terms:
     the positions of errors, by line of the compiled code; `elements` are those of fields that the text names by a
     number, each with its position."""
 
-    def __init__(self, kinds: dict[str, Kind] | None) -> None:
+    def __init__(self, kinds: dict[str, ValueKind] | None) -> None:
         self.kinds = kinds
-        self.variable_kinds: dict[str, Kind] = {}
+        self.variable_kinds: dict[str, ValueKind] = {}
         self.needs: dict[tuple[str, str], str] = {}
         self.places: list[tuple[int, int]] = []
         self.elements: list[tuple[str, float, tuple[int, int]]] = []
@@ -119,7 +119,7 @@ class Terms:
             self.places.append(node.start_point)
             tree.lineno = len(self.places) + 1
 
-    def located(self, node: Node, template: str, kind: Kind = Kind.ANY, /, **filled: Part) -> Term:
+    def located(self, node: Node, template: str, kind: ValueKind = ValueKind.ANY, /, **filled: Part) -> Term:
         """Returns the term of a template, with the place of its errors."""
         term = Term(build_expression(template, **filled), kind)
         self.at(node, term.code)
@@ -136,25 +136,25 @@ class Terms:
 
     def number(self, term: Term) -> ast.expr:
         """Returns the code of the value as a float."""
-        if term.kind is Kind.NUMBER:
+        if term.kind is ValueKind.NUMBER:
             return term.code
-        if isinstance(term.code, ast.IfExp) and term.kind is Kind.ELEMENT:
+        if isinstance(term.code, ast.IfExp) and term.kind is ValueKind.ELEMENT:
             return ast.IfExp(term.code.test, term.code.body, build_name("nan"))
         first, value = self.held(term.code)
         return build_expression("V if kind_of(FIRST) is float_type else number(machine, V)", FIRST=first, V=value)
 
     def truth(self, term: Term) -> ast.expr:
         """Code that Python finds true where JavaScript finds the value true."""
-        return term.code if term.kind is Kind.BOOLEAN else build_expression("truth(V)", V=term.code)
+        return term.code if term.kind is ValueKind.BOOLEAN else build_expression("truth(V)", V=term.code)
 
     def combined(self, node: Node, operator: str, left: Term, right: Term) -> Term:
         """`left operator right`, both evaluated, in this order."""
         compares, python = operator in COMPARISONS, PYTHON.get(operator)
-        kind = Kind.BOOLEAN if compares else Kind.NUMBER
-        if (compares or operator == "+") and not left.kind is right.kind is Kind.NUMBER:
+        kind = ValueKind.BOOLEAN if compares else ValueKind.NUMBER
+        if (compares or operator == "+") and not left.kind is right.kind is ValueKind.NUMBER:
             (first, a), (second, b) = self.held(left.code, lasts=True), self.held(right.code)
             text = f"A {python} B if kind_of(FIRST) is kind_of(SECOND) is float_type else slow(machine, OPERATOR, A, B)"
-            called, known = OPERATORS[operator], kind if compares else Kind.ANY
+            called, known = OPERATORS[operator], kind if compares else ValueKind.ANY
             return self.located(node, text, known, FIRST=first, SECOND=second, OPERATOR=called, A=a, B=b)
         text = f"A {python} B" if python else f"{OPERATORS[operator]}(A, B)"
         return self.located(node, text, kind, A=self.number(left), B=self.number(right))
@@ -191,7 +191,8 @@ class Terms:
     def variable(self, binding: Binding) -> Term:
         """Returns a variable that is read."""
         return Term(
-            build_name(binding.name), Kind.ANY if self.kinds is None else self.kinds.get(binding.name, Kind.NUMBER)
+            build_name(binding.name),
+            ValueKind.ANY if self.kinds is None else self.kinds.get(binding.name, ValueKind.NUMBER),
         )
 
     def stored(self, scope: Scope, binding: Binding, term: Term) -> None:

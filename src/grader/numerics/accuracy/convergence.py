@@ -60,7 +60,7 @@ def _compute_sup(values: Vector) -> float:
 
 
 @dataclass(frozen=True)
-class Order:
+class OrderFit:
     """Slope of log error against log timestep, and its 95 % confidence interval."""
 
     order: float
@@ -68,7 +68,7 @@ class Order:
     high: float
 
 
-def fit_order(timesteps_s: Sequence[float], error_values: Sequence[float]) -> Order:
+def fit_order(timesteps_s: Sequence[float], error_values: Sequence[float]) -> OrderFit:
     """Fit the order by least squares through three or more points. Source: Student's t interval of a regression slope.
     Raises ValueError for fewer points, or errors that are zero or not finite."""
     from scipy import special  # SciPy takes half of the time that the grader takes to start
@@ -78,4 +78,4 @@ def fit_order(timesteps_s: Sequence[float], error_values: Sequence[float]) -> Or
         raise ValueError("an order needs three or more positive, finite errors")
     (slope, _), covariance = np.polyfit(np.log(h), np.log(e), 1, cov=True)
     half = float(special.stdtrit(len(h) - 2, 0.975) * np.sqrt(covariance[0, 0]))
-    return Order(float(slope), float(slope) - half, float(slope) + half)
+    return OrderFit(float(slope), float(slope) - half, float(slope) + half)

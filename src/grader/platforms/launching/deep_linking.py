@@ -13,7 +13,7 @@ from grader.domain.pages.markup import plain_text
 from grader.domain.platform import Platform
 from grader.domain.policy import Policy
 from grader.platforms.launching import claims as words
-from grader.platforms.launching.launch import Selection
+from grader.platforms.launching.launch import ContentSelection
 from grader.questions import Question, Quiz
 from grader.store.platforms import make_resource_id
 
@@ -50,7 +50,7 @@ class Choice:
 
 
 def sign_response(
-    sign: Callable[[dict[str, Any]], str], platform: Platform, deployment_id: str, selection: Selection, *,
+    sign: Callable[[dict[str, Any]], str], platform: Platform, deployment_id: str, selection: ContentSelection, *,
     choices: Iterable[Choice], launch_url: str,
 ) -> str:  # fmt: skip
     """Returns the signed response, a JWT, that the instructor's browser posts to `selection.return_url`."""

@@ -30,7 +30,7 @@ class Gradebook:
 
 
 @dataclass(frozen=True)
-class Selection:
+class ContentSelection:
     """What a platform asks for when its instructor chooses content here (Deep Linking)."""
 
     return_url: str
@@ -58,7 +58,7 @@ class Launch:
     question: str | None
     gradebook: Gradebook
     members_url: str
-    selection: Selection | None
+    selection: ContentSelection | None
     reviewed: str | None
 
 
@@ -170,7 +170,7 @@ def read_gradebook(claim: Mapping[str, Any]) -> Gradebook:
     return Gradebook(read_address(claim.get("lineitem")), read_address(claim.get("lineitems")), scopes)
 
 
-def read_selection(claims: Mapping[str, Any]) -> Selection:
+def read_selection(claims: Mapping[str, Any]) -> ContentSelection:
     """The settings of a Deep Linking request. Raises Unauthorized if nothing chosen here could be given back."""
     settings = read_part(claims, f"{words.DEEP_LINKING_CLAIM}deep_linking_settings")
     return_url, data = read_address(settings.get("deep_link_return_url")), settings.get("data")
@@ -180,4 +180,4 @@ def read_selection(claims: Mapping[str, Any]) -> Selection:
     if not isinstance(types, list) or "ltiResourceLink" not in types:
         raise Unauthorized("The platform takes no links of this kind.")
     many, items = settings.get("accept_multiple"), settings.get("accept_lineitem", True)
-    return Selection(return_url, data if isinstance(data, str) else None, many is not False, items is not False)
+    return ContentSelection(return_url, data if isinstance(data, str) else None, many is not False, items is not False)

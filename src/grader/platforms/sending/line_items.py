@@ -16,7 +16,7 @@ from grader.platforms.sending.outgoing import Response, Unreachable
 from grader.platforms.sending.replies import DeadLetter, DeliveryFailure, Later
 from grader.store import line_items
 from grader.store.engine.database import Database
-from grader.store.line_items import Place
+from grader.store.line_items import LineItemPlace
 
 SCOPE = "https://purl.imsglobal.org/spec/lti-ags/scope/"
 LINE_ITEM, READ_LINE_ITEM = f"{SCOPE}lineitem", f"{SCOPE}lineitem.readonly"
@@ -68,9 +68,9 @@ class LineItems:
     tokens: AccessTokens
     lease: timedelta = LEASE
 
-    def place_of(self, target: ScoreTarget) -> Place:
+    def place_of(self, target: ScoreTarget) -> LineItemPlace:
         """Returns the row that holds the line item of a target."""
-        return Place(target.line_items_url, target.resource_id)
+        return LineItemPlace(target.line_items_url, target.resource_id)
 
     async def url_of(self, target: ScoreTarget, label: str, maximum: float) -> str:
         """Returns the URL of the target's line item. Raises DeliveryFailure, CallFailed, NoToken, RefusedURL and

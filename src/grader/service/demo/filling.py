@@ -26,7 +26,7 @@ from grader.domain.verdict import Verdict
 from grader.errors import Conflict, JailFault
 from grader.grading.content import Contents
 from grader.grading.pipeline import ParsedSubmission, Pipeline, compute_seed
-from grader.grading.processes import Graders, Script
+from grader.grading.processes import Graders, ScriptJob
 from grader.library import PassedChecks
 from grader.service.demo.answers import build_pools
 from grader.service.demo.cast import DemoLearner, PlannedAnswer, choose_due_dates, draw_learners, plan_answers
@@ -134,7 +134,8 @@ def judge_answers(
             with opening:
                 graders = start()
             verdict = graders.judge(
-                pipeline.library, Script(submission.quiz.id, submission.question.id, submission.answer, submission.seed)
+                pipeline.library,
+                ScriptJob(submission.quiz.id, submission.question.id, submission.answer, submission.seed),
             )
             if not verdict.status.uses_attempt:
                 raise JailFault(f"a script of {submission.question.id} could not be judged: {verdict.diagnosis}")

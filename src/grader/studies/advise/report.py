@@ -48,7 +48,7 @@ CURE = "start it in motion with --key, --qpos, --qvel, --ctrl or --perturb, or g
 
 
 @dataclass(frozen=True)
-class Start:
+class RunStart:
     """The start of the run: a keyframe by name or index, parts of the state that replace its own, and a perturbation.
     Without a keyframe it is keyframe 0 if there is one, else qpos0. `perturb` [rad/s, m/s] adds to every velocity a
     number drawn from [-perturb, perturb] with a fixed seed."""
@@ -137,7 +137,7 @@ class Advice:
 
 def advise(
     model: str | Path, quantity: str | None = None, tol: float | None = None, seconds: float | None = None, *,
-    start: Start | None = None, budget_s: float = BUDGET_S, progress: Say = lambda _: None,
+    start: RunStart | None = None, budget_s: float = BUDGET_S, progress: Say = lambda _: None,
 ) -> Advice:  # fmt: skip
     """Measure a model and choose integrator and timestep.
 
@@ -149,7 +149,7 @@ def advise(
     where nothing moves by more than the tolerance; ContentError for an expression that does not compile.
     """
     try:
-        scene = build_scene(model, start or Start())
+        scene = build_scene(model, start or RunStart())
         selection = select(
             scene,
             tolerance=TOLERANCE if tol is None else tol,
@@ -168,7 +168,7 @@ def advise(
         raise Unprocessable(f"MuJoCo gave up on this model: {error}") from error
 
 
-def build_scene(model: str | Path, start: Start) -> Scene:
+def build_scene(model: str | Path, start: RunStart) -> Scene:
     """Compile MJCF text or a file, and set its start. Raises ValueError if it does not compile."""
     prepare()
     text = isinstance(model, str) and "<mujoco" in model

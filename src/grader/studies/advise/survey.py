@@ -22,10 +22,10 @@ from grader.numerics.accuracy.reference import Adaptive, find_obstacle, solve_ad
 from grader.numerics.integrators import EULER
 from grader.numerics.scene import Scene, Vector
 from grader.studies.advise.meter import Meter, States, extrapolate, interpolate
-from grader.studies.advise.report import TOLERANCE, Advice, Start, advise, build_scene
+from grader.studies.advise.report import TOLERANCE, Advice, RunStart, advise, build_scene
 
 SECONDS = 1.0
-START = Start(perturb=1.0)
+START = RunStart(perturb=1.0)
 PACKAGES = {
     "gymnasium": "Gymnasium",
     "dm_control": "dm_control",

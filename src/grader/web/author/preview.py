@@ -23,7 +23,7 @@ MARGIN = timedelta(minutes=1)
 
 
 @dataclass(frozen=True)
-class Sample:
+class SampleAnswer:
     """An answer as people might give it, how it is read, and what it gets."""
 
     text: str
@@ -40,7 +40,7 @@ class Preview:
     note: str = ""
 
 
-def list_samples(question: Question) -> list[Sample]:
+def list_samples(question: Question) -> list[SampleAnswer]:
     """Returns how answers that people might give are read and judged."""
     kind = kind_of(question)
     samples = []
@@ -49,7 +49,7 @@ def list_samples(question: Question) -> list[Sample]:
         is_read = verdict.status is not Status.INVALID_ANSWER
         read_as = (verdict.read_as or "") if is_read else verdict.diagnosis or ""
         text = answer if isinstance(answer, str) else kind.show(question, answer)
-        samples.append(Sample(text, read_as, describe_status(verdict.status, withheld=False), verdict.points))
+        samples.append(SampleAnswer(text, read_as, describe_status(verdict.status, withheld=False), verdict.points))
     return samples
 
 

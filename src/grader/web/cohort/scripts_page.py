@@ -27,7 +27,7 @@ Key = Annotated[str, Query(max_length=32)]
 
 
 @dataclass(frozen=True)
-class Script:
+class ShownScript:
     """One of the scripts: whose it is, and its lines; `hot` is the one that the verdict names."""
 
     name: str
@@ -64,14 +64,14 @@ def show_scripts(
     return page(request, "class_scripts.html", who=who, **context)
 
 
-def make_script(at: ClassAt, submission: str, answer: str, *, is_still: bool) -> Script:
+def make_script(at: ClassAt, submission: str, answer: str, *, is_still: bool) -> ShownScript:
     """Returns one script; without lines where it was erased."""
     attempt = at.answers.find(submission)
     assert attempt is not None
     value = json.loads(answer) if answer else None
     source = str(value.get("source", "")) if isinstance(value, dict) else ""
     sentence = "" if attempt.mistake is None else attempt.mistake.sentence
-    return Script(
+    return ShownScript(
         attempt.name,
         make_address(attempt),
         attempt.number,

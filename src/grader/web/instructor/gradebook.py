@@ -42,7 +42,7 @@ FORMS = {Form.GENERIC: "CSV", Form.CANVAS: "CSV for Canvas", Form.MOODLE: "CSV f
 router = page_router()
 
 
-class Cell(NamedTuple):
+class ResultCell(NamedTuple):
     """A result in words. Without points it is not late either."""
 
     badge: Badge
@@ -51,7 +51,7 @@ class Cell(NamedTuple):
     is_late: bool = False
 
 
-EMPTY = Cell(NOT_ANSWERED)
+EMPTY = ResultCell(NOT_ANSWERED)
 
 
 class QuizCell(NamedTuple):
@@ -75,12 +75,12 @@ class Column(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Row:
+class GradebookRow:
     """A learner with a cell for every column, the number of results, and the points."""
 
     learner: str
     name: str
-    cells: Sequence[Cell | QuizCell]
+    cells: Sequence[ResultCell | QuizCell]
     answered: int
     points: float
 
@@ -151,7 +151,9 @@ def sum_points(quiz: Quiz) -> float:
     return math.fsum(question.points for question in quiz.questions)
 
 
-def list_rows(session: Session, who: Identity, quizzes: Sequence[Quiz], start: int, **wanted: Any) -> list[Row]:
+def list_rows(
+    session: Session, who: Identity, quizzes: Sequence[Quiz], start: int, **wanted: Any
+) -> list[GradebookRow]:
     """Returns one learner more than a page has."""
     without, unseen = results.list_instructors(session, who.course), find_unseen(session, who).results
     reviewer = who.id if unseen else ""
@@ -169,7 +171,7 @@ def list_rows(session: Session, who: Identity, quizzes: Sequence[Quiz], start: i
 
 def sum_row(
     learner: str, name: str, theirs: Mapping[str, QuizSum], quizzes: Sequence[Quiz], hidden: Collection[tuple[str, str]]
-) -> Row:
+) -> GradebookRow:
     """A learner with the sum of each quiz. Where a first mark is `hidden`, by learner and quiz, an answer waits."""
     cells = [
         QuizCell(
@@ -181,27 +183,29 @@ def sum_row(
     ]
     several = theirs.values()
     points, answered = math.fsum(total.points for total in several), sum(total.answered for total in several)
-    return Row(learner, name, cells, answered, points)
+    return GradebookRow(learner, name, cells, answered, points)
 
 
-def make_row(learner: str, name: str, theirs: Sequence[Any], quiz: Quiz, unseen: Collection[LearnerAt]) -> Row:
+def make_row(learner: str, name: str, theirs: Sequence[Any], quiz: Quiz, unseen: Collection[LearnerAt]) -> GradebookRow:
     """A learner with all results in a quiz, also at questions that it has lost; what is `unseen` adds no points."""
     cells = {result.question: make_cell(result, unseen) for result in theirs}
     points = math.fsum(result.points for result in theirs if not is_in(unseen, result))
-    return Row(learner, name, [cells.get(question.id, EMPTY) for question in quiz.questions], len(theirs), points)
+    return GradebookRow(
+        learner, name, [cells.get(question.id, EMPTY) for question in quiz.questions], len(theirs), points
+    )
 
 
-def make_cell(result: Any, unseen: Collection[LearnerAt]) -> Cell:
+def make_cell(result: Any, unseen: Collection[LearnerAt]) -> ResultCell:
     """Returns a result in words: what is not final waits, whatever its points are, and so does what is `unseen`."""
     if is_in(unseen, result) or not (result.is_final or result.points):
-        return Cell(WAITS)
+        return ResultCell(WAITS)
     if not result.is_final:
         badge = WAITS
     elif result.points >= result.max_points - POINTS_EQUAL:
         badge = STATUSES[Status.CORRECT]
     else:
         badge = STATUSES[Status.PARTIAL] if result.points > 0 else STATUSES[Status.INCORRECT]
-    return Cell(badge, result.points, result.max_points, result.is_late)
+    return ResultCell(badge, result.points, result.max_points, result.is_late)
 
 
 def is_in(unseen: Collection[LearnerAt], result: Any) -> bool:

@@ -18,7 +18,7 @@ from grader.store import people, results, submissions
 from grader.store.submissions import SubmissionFilter
 from grader.web.frame.inputs import Instructor
 from grader.web.frame.rendering import page
-from grader.web.instructor.gradebook import EMPTY, Cell, is_in, make_cell
+from grader.web.instructor.gradebook import EMPTY, ResultCell, is_in, make_cell
 from grader.web.instructor.people import describe_origin
 from grader.web.text.lessons import group_lessons
 from grader.web.text.questions import list_titles
@@ -66,7 +66,7 @@ def story(
 
 
 def group_answers(
-    library: Library, given: Sequence[tuple[str, str, GivenAnswer | None]], cells: Mapping[tuple[str, str], Cell],
+    library: Library, given: Sequence[tuple[str, str, GivenAnswer | None]], cells: Mapping[tuple[str, str], ResultCell],
     averaged: Collection[str],
 ) -> list[dict[str, Any]]:  # fmt: skip
     """Returns the answers by question, in the order of the content; questions that it has lost come last. None stands

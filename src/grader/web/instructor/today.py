@@ -11,7 +11,7 @@ from fastapi.responses import RedirectResponse, Response
 from sqlalchemy.orm import Session
 
 from grader.courses.answering.policies import read_policies
-from grader.courses.people.identity import DEFAULT_COURSE, Identity, Kind
+from grader.courses.people.identity import DEFAULT_COURSE, CredentialKind, Identity
 from grader.courses.people.namesakes import make_marks, mark_name
 from grader.courses.reporting.stuck import (
     SUBMISSIONS_MAX,
@@ -51,7 +51,7 @@ router = page_router()
 
 
 @dataclass(frozen=True)
-class Line:
+class TaskLine:
     """What waits: its title with a link, and what more is to be known."""
 
     title: str
@@ -65,7 +65,7 @@ class Task:
 
     count: str
     title: str
-    lines: tuple[Line, ...]
+    lines: tuple[TaskLine, ...]
     address: str
     verb: str
 
@@ -112,7 +112,7 @@ def describe_course(session: Session, library: Library, course: str) -> dict[str
         "quizzes": len(quizzes),
         "questions": sum(len(quiz.questions) for quiz in quizzes.values()),
         "labs": sum(len(quiz.labs) for quiz in quizzes.values()),
-        "invited": len(credentials.list_alive(session, course, Kind.SIGN_IN, clock)),
+        "invited": len(credentials.list_alive(session, course, CredentialKind.SIGN_IN, clock)),
     }
 
 
@@ -147,7 +147,7 @@ def make_task(
     """Returns one kind of reviews, by question."""
     total, address = sum(queue.answers for queue in waiting), f"{REVIEW}?{Chosen(which).query}"
     lines = tuple(
-        Line(
+        TaskLine(
             describe_place(titles, queue),
             f"{queue.answers}, the oldest for {describe_age(queue.since)}",
             f"{REVIEW}?{Chosen(which, queue.quiz, queue.question).query}",
@@ -170,7 +170,7 @@ def list_stuck(library: Library, stuck: Sequence[StuckLearner], marks: Mapping[s
     if stuck:
         titles = list_titles(library)
         lines = tuple(
-            Line(
+            TaskLine(
                 mark_name(learner.name, learner.learner, marks),
                 f"{describe_place(titles, learner)}, {learner.attempts} attempts: {learner.diagnosis}",
                 make_address(learner),
@@ -230,7 +230,7 @@ def list_requests(session: Session, who: Identity) -> list[str]:
 def list_platform_tasks(requests: Sequence[str]) -> Iterable[Task]:
     """Yields the platforms that wait, if any do."""
     if requests:
-        lines = tuple(Line(text, "", "/instructor/lti") for text in requests)
+        lines = tuple(TaskLine(text, "", "/instructor/lti") for text in requests)
         title = "request of a learning platform" if len(requests) == 1 else "requests of learning platforms"
         yield Task(str(len(requests)), title, lines, "/instructor/lti", "Open")
 

@@ -17,7 +17,7 @@ from grader.web.text.numbers import write_points
 from grader.web.text.prose import cached_prose
 from grader.web.text.questions import describe_quiz, describe_unopened
 from grader.web.verdict.card import Card, build_card, format_count
-from grader.web.verdict.work import Place, Work, describe_counting
+from grader.web.verdict.work import QuestionPlace, Work, describe_counting
 
 WITH_AN_INSTRUCTOR = "with an instructor"
 
@@ -38,7 +38,7 @@ class AskedQuestion:
     of a prediction, once the learner may run it."""
 
     view: dict[str, Any]
-    place: Place
+    place: QuestionPlace
     card: Card | None
     fields: Fields
     trouble: str

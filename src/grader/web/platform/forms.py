@@ -24,7 +24,7 @@ from grader.library import Library
 from grader.platforms.launching.addresses import read_origin
 from grader.platforms.launching.arrival import Arrival
 from grader.platforms.launching.deep_linking import CHOICES_MAX, Choice, sign_response
-from grader.platforms.launching.launch import Launch, Selection
+from grader.platforms.launching.launch import ContentSelection, Launch
 from grader.platforms.launching.login import launch_url
 from grader.platforms.launching.registration import PURPOSE as REGISTRATION
 from grader.platforms.launching.registration import register
@@ -98,7 +98,7 @@ def choose(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs)
     with services.database.write() as session:
         body = take_ticket(session, CHOICE, pairs)
         platform = get_platform(session, body["platform"])
-    selection = Selection(**body["selection"])
+    selection = ContentSelection(**body["selection"])
     library = services.content.of(body["course"]).library
     with services.database.read() as session:
         policies = read_policies(session, library, body["course"], library.quizzes)

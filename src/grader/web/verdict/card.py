@@ -49,7 +49,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Row:
+class CardRow:
     """One case of a matrix, with a cell for each column."""
 
     title: str
@@ -81,8 +81,8 @@ class Card:
     diagnosis: str
     read_as: str
     columns: tuple[str, ...] = ()
-    rows: tuple[Row, ...] = ()
-    passed_rows: tuple[Row, ...] = ()
+    rows: tuple[CardRow, ...] = ()
+    passed_rows: tuple[CardRow, ...] = ()
     notes: tuple[str, ...] = ()
     cells: tuple[Cell, ...] = ()
     script: MarkedScript | None = None
@@ -172,7 +172,7 @@ def format_count(value: float, noun: str) -> str:
     return f"{write_points(value)} {noun}{'' if value == 1 else 's'}"
 
 
-def build_matrix(findings: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], tuple[Row, ...]]:
+def build_matrix(findings: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], tuple[CardRow, ...]]:
     """Columns and rows, where every title is `row, column` and each row has the same columns; else nothing."""
     places = [finding["title"].rpartition(", ") for finding in findings]
     columns = tuple(dict.fromkeys(column for _, _, column in places))
@@ -182,11 +182,11 @@ def build_matrix(findings: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...]
         return (), ()
     cells = {(row, column): build_cell(finding) for (row, _, column), finding in zip(places, findings, strict=True)}
     return columns, tuple(
-        Row(capitalize(keep_unbroken(row)), tuple(cells[row, column] for column in columns)) for row in titles
+        CardRow(capitalize(keep_unbroken(row)), tuple(cells[row, column] for column in columns)) for row in titles
     )
 
 
-def list_notes(columns: Sequence[str], rows: Sequence[Row], diagnosis: str = "") -> Iterator[str]:
+def list_notes(columns: Sequence[str], rows: Sequence[CardRow], diagnosis: str = "") -> Iterator[str]:
     """Says what the failed cells of a matrix say beyond their word and the diagnosis: each sentence once, with its
     place. Names the columns, and where other cells of a column failed otherwise, the cases too."""
     places: dict[str, dict[str, list[str]]] = {}

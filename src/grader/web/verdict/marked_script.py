@@ -30,7 +30,7 @@ CLAUSE = re.compile(r"(?<=[a-z0-9)])(?<!Error)(?<!Exception): (?=[a-z])")
 
 
 @dataclass(frozen=True)
-class Line:
+class MarkedLine:
     """A line of a script in three parts, of which the middle one is marked; `hot` lines have the statement."""
 
     number: int
@@ -54,14 +54,14 @@ class MarkedScript:
     """The lines of a script in order: folded, shown up to the end of the statement, shown after it, folded. `advice`
     stands under the statement."""
 
-    above: Sequence[Line]
-    shown: Sequence[Line]
-    rest: Sequence[Line]
-    below: Sequence[Line]
+    above: Sequence[MarkedLine]
+    shown: Sequence[MarkedLine]
+    rest: Sequence[MarkedLine]
+    below: Sequence[MarkedLine]
     advice: str
 
     @property
-    def hot(self) -> Sequence[Line]:
+    def hot(self) -> Sequence[MarkedLine]:
         """The lines of the statement."""
         return [line for line in self.shown if line.hot]
 
@@ -76,12 +76,12 @@ def mark_script(source: str, verdict: Mapping[str, Any]) -> MarkedScript | None:
         first, last, start, end = line, line, len(texts[line - 1]) - len(texts[line - 1].lstrip()), None
     else:
         first, last, start, end = span["line"], span["end_line"], span["column"], span["end_column"]
-    lines = [Line(number, text) for number, text in enumerate(texts, 1)]
+    lines = [MarkedLine(number, text) for number, text in enumerate(texts, 1)]
     for number in range(first, last + 1):
         text = texts[number - 1]
         begin = start if number == first else len(text) - len(text.lstrip())
         stop = end if number == last and end is not None else len(text)
-        lines[number - 1] = Line(number, text[:begin], text[begin:stop] or " ", text[stop:])
+        lines[number - 1] = MarkedLine(number, text[:begin], text[begin:stop] or " ", text[stop:])
     top, bottom = max(0, first - 1 - AROUND), min(len(lines), last + AROUND)
     return MarkedScript(
         lines[max(0, top - FOLDED_MAX) : top], lines[top:last], lines[last:bottom],

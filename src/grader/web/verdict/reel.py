@@ -22,7 +22,7 @@ NO_ATTEMPT = "There is no such attempt."
 
 
 @dataclass(frozen=True)
-class Change:
+class LineChange:
     """A line of a script beside the one before: `same`, `new` or `gone`; `skipped` says how many equal lines are left
     out here. `number` is its place in the script that has it."""
 
@@ -50,7 +50,7 @@ class Reel:
     given: GivenAnswer
     card: Card | None
     answer: str
-    changes: Sequence[Change] | None
+    changes: Sequence[LineChange] | None
 
     @property
     def before(self) -> Stop | None:
@@ -78,23 +78,23 @@ def build_reel(attempts: Sequence[GivenAnswer], question: Question | None, chose
     return Reel(stops, at, given, build_card(given), answer, changes)
 
 
-def compare_scripts(before: str, after: str) -> list[Change] | None:
+def compare_scripts(before: str, after: str) -> list[LineChange] | None:
     """Returns the lines that have changed with those around them; None where the scripts are too long to compare."""
     olds, news = before.splitlines(), after.splitlines()
     if len(olds) + len(news) > LINES_MAX:
         return None
-    changes: list[Change] = []
+    changes: list[LineChange] = []
     shown = 0
     for group in difflib.SequenceMatcher(None, olds, news, autojunk=False).get_grouped_opcodes(AROUND):
         if (skipped := group[0][3] - shown) > 0:
-            changes.append(Change("skipped", skipped, ""))
+            changes.append(LineChange("skipped", skipped, ""))
         for tag, a, b, c, d in group:
             if tag == "equal":
-                changes += [Change("same", number, news[number - 1]) for number in range(c + 1, d + 1)]
+                changes += [LineChange("same", number, news[number - 1]) for number in range(c + 1, d + 1)]
                 continue
-            changes += [Change("gone", number, olds[number - 1]) for number in range(a + 1, b + 1)]
-            changes += [Change("new", number, news[number - 1]) for number in range(c + 1, d + 1)]
+            changes += [LineChange("gone", number, olds[number - 1]) for number in range(a + 1, b + 1)]
+            changes += [LineChange("new", number, news[number - 1]) for number in range(c + 1, d + 1)]
         shown = group[-1][4]
     if changes and len(news) > shown:
-        changes.append(Change("skipped", len(news) - shown, ""))
+        changes.append(LineChange("skipped", len(news) - shown, ""))
     return changes

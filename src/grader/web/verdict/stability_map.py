@@ -26,7 +26,7 @@ CLOSE = 0.02
 
 
 @dataclass(frozen=True)
-class Row:
+class MapRow:
     """One integrator: what is known of its zones [ms]. Without the limit, the learner's own two runs tell a part."""
 
     claim: Claim
@@ -58,7 +58,7 @@ def plot_stability(claims: Sequence[Claim], limits: Mapping[str, Limit], runs: S
     return Sketch(name, choose_title(rows, spring), caption, make_table(rows), lambda width: draw(rows, spring, width))
 
 
-def is_near(row: Row) -> bool:
+def is_near(row: MapRow) -> bool:
     """Says whether claim and limit lie too near to each other to be told apart on the whole axis."""
     claim, limit = row.claim.claim_ms, row.limit
     if claim is None or limit is None or limit.linear_ms is None:
@@ -66,23 +66,23 @@ def is_near(row: Row) -> bool:
     return max(abs(end - limit.linear_ms) for end in claim) < MAGNIFIED_MS
 
 
-def make_row(claim: Claim, limit: Limit | None, runs: Sequence[Run]) -> Row:
+def make_row(claim: Claim, limit: Limit | None, runs: Sequence[Run]) -> MapRow:
     """Says what is known under one integrator."""
     low, high = claim.search_ms
     ended = {run.end: run for run in runs if run.case == claim.case}
     diverged = tuple(ended[end].diverged if end in ended else None for end in ("lower end", "upper end"))
     ends = (diverged[0], diverged[1])
     if limit is not None:
-        return Row(claim, limit, limit.linear_ms or high, limit.linear_ms, ends)
+        return MapRow(claim, limit, limit.linear_ms or high, limit.linear_ms, ends)
     stable = [run.timestep_ms for run in ended.values() if not run.diverged]
     grows = [run.timestep_ms for run in ended.values() if run.diverged]
     stable_to, grows_from = max(stable, default=None), min(grows, default=None)
     if stable_to is not None and grows_from is not None and stable_to > grows_from:
         stable_to = None  # a second stable zone: nothing is known below it
-    return Row(claim, None, stable_to if stable_to is None or stable_to > low else None, grows_from, ends)
+    return MapRow(claim, None, stable_to if stable_to is None or stable_to > low else None, grows_from, ends)
 
 
-def choose_title(rows: Sequence[Row], spring: float | None) -> str:
+def choose_title(rows: Sequence[MapRow], spring: float | None) -> str:
     """Says what is to be seen."""
     wrong = [row for row in rows if row.limit and judge_claim(row) not in ("right", None)]
     if not any(row.limit for row in rows):
@@ -100,7 +100,7 @@ def choose_title(rows: Sequence[Row], spring: float | None) -> str:
     return f"Your claim under {first.claim.integrator} is {judge_claim(first)}"
 
 
-def judge_claim(row: Row) -> str | None:
+def judge_claim(row: MapRow) -> str | None:
     """Says where a claim lies, in words; None where there is neither a claim nor a limit to compare."""
     claim, limit = row.claim.claim_ms, row.limit
     if limit is None or (claim is None and not row.claim.said_none):
@@ -114,7 +114,7 @@ def judge_claim(row: Row) -> str | None:
     return "too low" if claim[1] < limit.linear_ms * 0.997 else "right"
 
 
-def describe_claim(row: Row) -> str:
+def describe_claim(row: MapRow) -> str:
     """Returns the claim in words."""
     claim = row.claim.claim_ms
     if claim is None:
@@ -122,7 +122,7 @@ def describe_claim(row: Row) -> str:
     return f"{write_number(claim[0])} to {write_quantity(claim[1], 'ms')}"
 
 
-def describe_limit(row: Row) -> str:
+def describe_limit(row: MapRow) -> str:
     """Returns the limit in words."""
     if row.limit is None:
         return ""
@@ -131,7 +131,7 @@ def describe_limit(row: Row) -> str:
     return write_quantity(row.limit.linear_ms, "ms")
 
 
-def make_table(rows: Sequence[Row]) -> tuple[tuple[str, ...], ...]:
+def make_table(rows: Sequence[MapRow]) -> tuple[tuple[str, ...], ...]:
     """Returns the map as a table, for those who do not see it."""
     words = {None: "not run", True: "unstable", False: "stable"}
     known = any(row.limit for row in rows)
@@ -145,14 +145,14 @@ def make_table(rows: Sequence[Row]) -> tuple[tuple[str, ...], ...]:
     return ((*head, "Linear stability limit", f"Limit within {horizon}"), *whole)
 
 
-def describe_limit_within(row: Row) -> str:
+def describe_limit_within(row: MapRow) -> str:
     """Words the limit within the horizon."""
     if row.limit is None:
         return ""
     return "none" if row.limit.within_ms is None else write_quantity(row.limit.within_ms, "ms")
 
 
-def draw(rows: Sequence[Row], spring: float | None, width: float) -> Drawing:
+def draw(rows: Sequence[MapRow], spring: float | None, width: float) -> Drawing:
     """Returns the map at a width."""
     magnified = [row for row in rows if is_near(row)]
     height = TOP + ROW * len(rows) + FOOT + (MAGNIFIED + ROW) * len(magnified)
@@ -174,7 +174,7 @@ def draw(rows: Sequence[Row], spring: float | None, width: float) -> Drawing:
     return picture
 
 
-def draw_magnified(picture: Drawing, row: Row, top: float) -> None:
+def draw_magnified(picture: Drawing, row: MapRow, top: float) -> None:
     """The surroundings of a limit on an axis of their own."""
     assert row.limit is not None and row.limit.linear_ms is not None
     low, high = row.limit.linear_ms - MAGNIFIED_MS, row.limit.linear_ms + MAGNIFIED_MS
@@ -187,7 +187,7 @@ def draw_magnified(picture: Drawing, row: Row, top: float) -> None:
 
 
 def draw_row(
-    picture: Drawing, row: Row, axis: Axis, top: float, *, name: str = "", bound: float | None = None
+    picture: Drawing, row: MapRow, axis: Axis, top: float, *, name: str = "", bound: float | None = None
 ) -> None:  # fmt: skip
     """One integrator's bar with its limit and the claim; `bound` is where a line crosses all bars."""
     low, high = row.claim.search_ms
@@ -213,7 +213,7 @@ def draw_row(
     draw_claim(picture, row, axis, y)
 
 
-def draw_limit(picture: Drawing, row: Row, axis: Axis, y: float, bound: float | None) -> None:
+def draw_limit(picture: Drawing, row: MapRow, axis: Axis, y: float, bound: float | None) -> None:
     """The labelled tick where stability ends; its label keeps clear of the line at `bound` where there is room."""
     words = describe_limit(row)
     if row.limit is None or row.limit.linear_ms is None:
@@ -230,7 +230,7 @@ def draw_limit(picture: Drawing, row: Row, axis: Axis, y: float, bound: float | 
     picture.text(label, x - 4 if is_left else x + 4, y - 4, "label halo", "end" if is_left else "start")
 
 
-def draw_span(picture: Drawing, row: Row, axis: Axis, y: float) -> None:
+def draw_span(picture: Drawing, row: MapRow, axis: Axis, y: float) -> None:
     """Both limits, for ever and within the horizon: a bracket that meets the span between them is right."""
     assert row.limit is not None
     late = f"within {write_quantity(row.claim.horizon_s, 's')} {write_quantity(row.limit.within_ms, 'ms')}"
@@ -244,7 +244,7 @@ def draw_span(picture: Drawing, row: Row, axis: Axis, y: float) -> None:
             picture.text(words, x + (-4 if anchor == "end" else 4), y - 4, "told halo", anchor)
 
 
-def draw_claim(picture: Drawing, row: Row, axis: Axis, y: float) -> None:
+def draw_claim(picture: Drawing, row: MapRow, axis: Axis, y: float) -> None:
     """The claim: a black band where there is a bracket within the axis, and its words."""
     claim = row.claim.claim_ms
     words = f"you: {describe_claim(row)}"

@@ -19,7 +19,7 @@ from grader.questions import Question, Quiz, describe_file
 from grader.store import results, submissions
 from grader.store.reviewing import line_comments
 from grader.store.reviewing.line_comments import CommentedAttempt
-from grader.store.submissions import Mark, SubmissionFilter
+from grader.store.submissions import SubmissionFilter, VerdictMark
 from grader.store.tables import Result, Submission
 from grader.web.text.numbers import write_points
 from grader.web.text.statuses import NOT_ANSWERED, QUEUED, RUNNING, STATUSES, Badge, describe_status
@@ -109,7 +109,7 @@ class GivenAnswer:
 
 
 @dataclass(frozen=True)
-class Place:
+class QuestionPlace:
     """What a learner has reached at one question."""
 
     given: GivenAnswer | None
@@ -154,7 +154,7 @@ class Work:
     """A learner's work: places by (quiz, question)."""
 
     access: LearnerAccess
-    places: Mapping[tuple[str, str], Place]
+    places: Mapping[tuple[str, str], QuestionPlace]
 
     def points(self, quiz: Quiz) -> tuple[float, float]:
         """Returns the points so far, and how many there are."""
@@ -186,12 +186,12 @@ def read_work(session: Session, library: Library, who: Identity, quizzes: Sequen
 
 def describe_place(
     access: LearnerAccess, quiz: Quiz, question: Question, given: GivenAnswer | None, result: Result | None
-) -> Place:
+) -> QuestionPlace:
     """Describes what a learner has reached at one question, by the policy."""
     progress = describe_progress_at(access, quiz, question, result)
     decision = access.decide(quiz.id, question.id)
     counts = progress["result"]
-    return Place(
+    return QuestionPlace(
         given, None if counts is None else counts["points"], question.points,
         access.describe_attempts(quiz, question), access.describe_dates(quiz, question), decision.may_answer,
         given is not None and decision.why_no_lab is None, decision.due, progress["attempts_left"],
@@ -243,7 +243,7 @@ def read_comments(session: Session, ids: Sequence[str]) -> dict[str, list[Commen
 
 
 def read_answer(
-    access: LearnerAccess, row: Submission, verdict: Any | None, marks: tuple[Mark, Mark] | None
+    access: LearnerAccess, row: Submission, verdict: Any | None, marks: tuple[VerdictMark, VerdictMark] | None
 ) -> GivenAnswer:
     """Returns one answer of `given_of`."""
     decision = access.decide(row.quiz, row.question)
@@ -254,7 +254,7 @@ def read_answer(
     return GivenAnswer(row.id, row.attempt, row.created_at, answer, row.status, shown, decision.withheld, again)
 
 
-def describe_regrade(before: Mark, after: Mark) -> str:
+def describe_regrade(before: VerdictMark, after: VerdictMark) -> str:
     """Says that a verdict replaced another; empty where the first one only left it to a person."""
     if before.status == Status.NEEDS_REVIEW or after.cause not in AGAIN:
         return ""

@@ -11,8 +11,8 @@ from grader.courses.people.rosters.roster import (
     FAULTS_MAX,
     NAMESPACE,
     Entry,
-    Line,
     Note,
+    RosterLine,
     decode,
     read_email,
     read_entries,
@@ -92,7 +92,7 @@ def read_files(
     return entries
 
 
-def find_roles(enrolled: Iterable[Line], course_class: str | None) -> dict[str, tuple[Role, Line]]:
+def find_roles(enrolled: Iterable[RosterLine], course_class: str | None) -> dict[str, tuple[Role, RosterLine]]:
     """Role and row by the id of the person, for one class; who both teaches and learns in it teaches. Raises
     Unprocessable for several classes without a choice, and FaultyRows."""
     rows = [row for row in enrolled if is_active(row)]
@@ -102,7 +102,7 @@ def find_roles(enrolled: Iterable[Line], course_class: str | None) -> dict[str, 
         raise Unprocessable(f"{ENROLLMENTS} has several classes: choose one by its classSourcedId, of {some}.")
     if course_class is not None and course_class not in classes:
         raise Unprocessable(f"{ENROLLMENTS} has no class {course_class!r}.")
-    roles: dict[str, tuple[Role, Line]] = {}
+    roles: dict[str, tuple[Role, RosterLine]] = {}
     faults: list[Fault] = []
     for row in rows:
         user, role = row.get("userSourcedId"), ROLES.get(row.get("role").lower())
@@ -117,12 +117,12 @@ def find_roles(enrolled: Iterable[Line], course_class: str | None) -> dict[str, 
     return roles
 
 
-def is_active(row: Line) -> bool:
+def is_active(row: RosterLine) -> bool:
     """Says whether a row is not to be deleted; a file in bulk mode says nothing."""
     return row.get("status").lower() in ("", "active")
 
 
-def read_entry(row: Line, namespace: str, roles: dict[str, tuple[Role, Line]], note: Note) -> Entry | None:
+def read_entry(row: RosterLine, namespace: str, roles: dict[str, tuple[Role, RosterLine]], note: Note) -> Entry | None:
     """Returns the person in a row of users.csv; None if they are not enrolled or not enabled. Faults are noted."""
     user = row.get("sourcedId")
     if not user:

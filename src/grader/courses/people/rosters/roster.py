@@ -43,7 +43,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Line:
+class RosterLine:
     """A row of a CSV file by column, with the number of the line that it begins on."""
 
     file: str
@@ -67,7 +67,7 @@ def decode(file: str, data: bytes) -> str:
         raise Unprocessable(f"{file} is not UTF-8 at byte {error.start}: save it as CSV UTF-8.") from error
 
 
-def read_lines(file: str, text: str) -> tuple[list[str], list[Line]]:
+def read_lines(file: str, text: str) -> tuple[list[str], list[RosterLine]]:
     """The columns of a CSV file, and its rows; empty ones are left out. Columns are parted by commas or semicolons.
     Raises Unprocessable for a file that is no CSV or too long, and FaultyRows for rows with too many cells."""
     first = text.partition("\n")[0]
@@ -91,7 +91,7 @@ def read_lines(file: str, text: str) -> tuple[list[str], list[Line]]:
             for number, row in rows[1:] if len(row) > len(columns)]  # fmt: skip
     if long:
         raise FaultyRows(long[:FAULTS_MAX])
-    return columns, [Line(file, number, dict(zip(columns, row, strict=False))) for number, row in rows[1:]]
+    return columns, [RosterLine(file, number, dict(zip(columns, row, strict=False))) for number, row in rows[1:]]
 
 
 def require_columns(
@@ -126,7 +126,7 @@ Note = Callable[[str, str], None]
 """Notes a fault of a column of the row that is read."""
 
 
-def read_entries(rows: Iterable[Line], read: Callable[[Line, Note], Entry | None]) -> list[Entry]:
+def read_entries(rows: Iterable[RosterLine], read: Callable[[RosterLine, Note], Entry | None]) -> list[Entry]:
     """Says what `read` makes of the rows. Raises FaultyRows if it notes faults, or a person is there twice."""
     faults: list[Fault] = []
     entries: dict[str, Entry] = {}
@@ -143,7 +143,7 @@ def read_entries(rows: Iterable[Line], read: Callable[[Line, Note], Entry | None
     return list(entries.values())
 
 
-def read_entry(row: Line, namespace: str, note: Note, *, has_email: bool) -> Entry:
+def read_entry(row: RosterLine, namespace: str, note: Note, *, has_email: bool) -> Entry:
     """Returns the person in a row of our own form; faults are noted."""
     role = read_role(row.get("role") or Role.STUDENT, note)
     email = read_email(row.get("email"), note) if has_email else None

@@ -14,7 +14,7 @@ ALL_RIGHT = "Every claim agrees with our own measurement."
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class ClaimComparison:
     """One claim of the learner's with what we measured. `values` is None where nothing was read, and `text` stands for
     what was returned instead. `why` is empty where the claim is right."""
 
@@ -31,7 +31,7 @@ class Comparison:
         return self.claim.allow(self.measured.values) + self.measured.uncertainty
 
 
-Outcome = tuple[Comparison, ...]
+Outcome = tuple[ClaimComparison, ...]
 
 
 def judge_claims(problem: Problem, results: Results) -> Judgement[Outcome]:
@@ -51,7 +51,7 @@ def judge_claims(problem: Problem, results: Results) -> Judgement[Outcome]:
     return Judgement(not wrong, message, outcome, parts=parts)
 
 
-def compare(problem: Problem, claim: Claim, results: Results, index: int, measured: MeasuredClaim) -> Comparison:
+def compare(problem: Problem, claim: Claim, results: Results, index: int, measured: MeasuredClaim) -> ClaimComparison:
     """Returns the comparison of one claim."""
     values = results.get(f"c{index}")
     if values is None or values.dtype != np.float64 or not np.isfinite(values).all():
@@ -60,15 +60,15 @@ def compare(problem: Problem, claim: Claim, results: Results, index: int, measur
         wanted = {"number": "a finite number", "interval": "two finite numbers, low and high",
                   "curve": "a finite number for each x"}[claim.form]  # fmt: skip
         why = f"The function must return {claim.name} as {wanted}."
-        return Comparison(claim, None, text, measured, why, f"It gave {text}.")
+        return ClaimComparison(claim, None, text, measured, why, f"It gave {text}.")
     count = problem.count_values(claim)
     if values.size != count:
         asked = "one number is" if count == 1 else f"{count} numbers are"
         why = f"{capitalize(claim.label)} has the wrong shape: {asked} asked for."
-        return Comparison(claim, None, f"an array of shape {values.shape}", measured, why)
+        return ClaimComparison(claim, None, f"an array of shape {values.shape}", measured, why)
     got = np.array(values, dtype=np.float64).reshape(count)
     why, detail = (judge_interval if claim.form == "interval" else judge_numbers)(claim, got, measured)
-    return Comparison(claim, got, "", measured, why, detail)
+    return ClaimComparison(claim, got, "", measured, why, detail)
 
 
 def judge_numbers(claim: Claim, got: Floats, measured: MeasuredClaim) -> tuple[str, str]:
@@ -104,7 +104,7 @@ def judge_interval(claim: Claim, got: Floats, measured: MeasuredClaim) -> tuple[
     return "", ""
 
 
-def describe(comparison: Comparison) -> Part:
+def describe(comparison: ClaimComparison) -> Part:
     """Returns the finding of one claim."""
     claim = comparison.claim
     got = comparison.text if comparison.values is None else to_json(comparison.values)

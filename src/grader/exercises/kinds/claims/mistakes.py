@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from grader.exercises.kind import JudgedTrial
-from grader.exercises.kinds.claims.judge import Comparison, Outcome, capitalize
+from grader.exercises.kinds.claims.judge import ClaimComparison, Outcome, capitalize
 from grader.exercises.kinds.claims.parameters import Floats, Problem
 from grader.exercises.kinds.claims.rules import RULES
 from grader.exercises.kinds.claims.wrong_values import Scene
@@ -65,7 +65,7 @@ def explain_simply(judged: Sequence[Judged], name: str) -> str | None:
     return None
 
 
-def is_rounded(comparison: Comparison) -> bool:
+def is_rounded(comparison: ClaimComparison) -> bool:
     """Whether every number of a claim is the measured one, rounded to a few significant figures."""
     assert comparison.values is not None
     if comparison.claim.form == "interval":
@@ -79,7 +79,7 @@ def is_rounded(comparison: Comparison) -> bool:
     )
 
 
-def explain_by_rules(judged: Sequence[Judged], wrong: Sequence[tuple[Problem, Comparison]]) -> str | None:
+def explain_by_rules(judged: Sequence[Judged], wrong: Sequence[tuple[Problem, ClaimComparison]]) -> str | None:
     """Returns the sentence of the first rule that gives the claim in every case in which it is wrong."""
     scenes = [(build_scene(judged, problem, comparison), comparison) for problem, comparison in wrong]
     for index in range(len(RULES)):
@@ -90,20 +90,20 @@ def explain_by_rules(judged: Sequence[Judged], wrong: Sequence[tuple[Problem, Co
     return None
 
 
-def build_scene(judged: Sequence[Judged], problem: Problem, comparison: Comparison) -> Scene:
+def build_scene(judged: Sequence[Judged], problem: Problem, comparison: ClaimComparison) -> Scene:
     """Returns the scene of a wrong claim."""
     outcome = next(trial.judgement.outcome for trial in judged if trial.problem is problem)
     return Scene(problem, comparison.claim, comparison.measured, tuple(each.measured.values for each in outcome))
 
 
-def list_matching(scene: Scene, comparison: Comparison, index: int) -> Iterator[str]:
+def list_matching(scene: Scene, comparison: ClaimComparison, index: int) -> Iterator[str]:
     """Yields the sentences of a rule whose wrong values are the learner's."""
     for sentence, values in RULES[index](scene):
         if values is not None and is_near(comparison, values):
             yield sentence
 
 
-def is_near(comparison: Comparison, wrong: Floats) -> bool:
+def is_near(comparison: ClaimComparison, wrong: Floats) -> bool:
     """Whether a claim is a wrong value, which is not right itself. An interval is one that holds it. Of a curve the
     points count at which the wrong value is known."""
     right, allowed = comparison.measured.values, comparison.allowed

@@ -7,7 +7,7 @@ import numpy as np
 
 from grader.errors import LabRefused
 from grader.exercises.kind import JudgedTrial
-from grader.exercises.kinds.claims.judge import Comparison, Outcome, to_json
+from grader.exercises.kinds.claims.judge import ClaimComparison, Outcome, to_json
 from grader.exercises.kinds.claims.measuring import read_series
 from grader.exercises.kinds.claims.parameters import Axis, Floats, Problem
 from grader.experiments.regime import RegimeFailure
@@ -58,7 +58,7 @@ def write_numbers(values: Floats) -> str:
     return ", ".join(f"{value:.{FIGURES}g}" for value in values.tolist())
 
 
-def draw_claim(case: str, problem: Problem, comparison: Comparison) -> Iterator[dict[str, Any]]:
+def draw_claim(case: str, problem: Problem, comparison: ClaimComparison) -> Iterator[dict[str, Any]]:
     """Yields the chart of a claim: a curve beside ours, or the run with what was claimed of it."""
     if comparison.claim.form == "curve":
         assert problem.axis is not None
@@ -71,7 +71,7 @@ def draw_claim(case: str, problem: Problem, comparison: Comparison) -> Iterator[
     yield draw_run(case, np.array(run.times), series[:, 0], comparison)
 
 
-def draw_curve(case: str, axis: Axis, x: Sequence[float], comparison: Comparison) -> dict[str, Any]:
+def draw_curve(case: str, axis: Axis, x: Sequence[float], comparison: ClaimComparison) -> dict[str, Any]:
     """Returns a chart of a curve, with ours."""
     series = [build_series("measured", np.array(x), comparison.measured.values, points=True)]
     if comparison.values is not None:
@@ -86,7 +86,7 @@ def draw_curve(case: str, axis: Axis, x: Sequence[float], comparison: Comparison
     }
 
 
-def draw_run(case: str, times: Floats, values: Floats, comparison: Comparison) -> dict[str, Any]:
+def draw_run(case: str, times: Floats, values: Floats, comparison: ClaimComparison) -> dict[str, Any]:
     """Returns a chart of the run that a claim is about, with marks at what was claimed and measured."""
     every = max(1, -(-len(times) // POINTS_MAX))
     return {
@@ -99,7 +99,7 @@ def draw_run(case: str, times: Floats, values: Floats, comparison: Comparison) -
     }
 
 
-def build_marks(comparison: Comparison) -> Iterator[dict[str, Any]]:
+def build_marks(comparison: ClaimComparison) -> Iterator[dict[str, Any]]:
     """Yields the marks at a claim and at what was measured, on the axis that they belong to."""
     at = "y" if comparison.claim.quantity in HEIGHTS else "x" if comparison.claim.quantity in MOMENTS else ""
     if not at:

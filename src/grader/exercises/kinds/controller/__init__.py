@@ -9,7 +9,7 @@ import mujoco
 
 from grader.domain.axes import Placed
 from grader.exercises.episodes.films import record_films
-from grader.exercises.episodes.judge import Outcome, bound_luck, judge_records
+from grader.exercises.episodes.judge import EpisodeOutcome, bound_luck, judge_records
 from grader.exercises.episodes.parameters import EpisodesCase, Problem, check_names, pose_case
 from grader.exercises.episodes.pictures import build_evidence
 from grader.exercises.episodes.placing import place_episodes
@@ -25,7 +25,7 @@ from grader.questions.kinds.script import ScriptQuestion
 PERIODS_REHEARSED = 20
 
 
-class Controller(Kind[ControllerParameters, Problem, Outcome]):
+class Controller(Kind[ControllerParameters, Problem, EpisodeOutcome]):
     """Judges a controller in closed loop: one trial for each case, of one or more episodes."""
 
     parameters = ControllerParameters
@@ -63,18 +63,18 @@ class Controller(Kind[ControllerParameters, Problem, Outcome]):
         """Simulates every episode."""
         return play_case(parameters, trial.problem, ask)
 
-    def judge(self, parameters: ControllerParameters, trial: Trial[Problem], results: Any) -> Judgement[Outcome]:
+    def judge(self, parameters: ControllerParameters, trial: Trial[Problem], results: Any) -> Judgement[EpisodeOutcome]:
         """Measures each goal, or counts the episodes that reach all."""
         return judge_records(parameters, trial.problem, results, hidden=trial.hidden)
 
     def name_mistake(
-        self, parameters: ControllerParameters, judged: Sequence[JudgedTrial[Problem, Outcome]]
+        self, parameters: ControllerParameters, judged: Sequence[JudgedTrial[Problem, EpisodeOutcome]]
     ) -> str | None:
         """Returns the sentence of the first mistake that explains what failed."""
         return name_the_mistake(parameters, judged)
 
     def build_pictures(
-        self, parameters: ControllerParameters, visible: Sequence[JudgedTrial[Problem, Outcome]]
+        self, parameters: ControllerParameters, visible: Sequence[JudgedTrial[Problem, EpisodeOutcome]]
     ) -> dict[str, Any]:
         """Returns charts of the motion and of the controls."""
         return build_evidence(parameters, visible)

@@ -7,7 +7,7 @@ from math import degrees
 import numpy as np
 
 from grader.exercises.episodes.goals import measure_saturation
-from grader.exercises.episodes.judge import Outcome
+from grader.exercises.episodes.judge import EpisodeOutcome
 from grader.exercises.episodes.parameters import Problem
 from grader.exercises.episodes.simulating import Record, list_widths
 from grader.exercises.kind import JudgedTrial
@@ -15,7 +15,7 @@ from grader.exercises.kinds.controller.laws import ROUGH, FittedLaw, fit_law
 from grader.exercises.kinds.controller.parameters import ControllerParameters
 from grader.exercises.trace import get_list
 
-Judged = JudgedTrial[Problem, Outcome]
+Judged = JudgedTrial[Problem, EpisodeOutcome]
 
 SMALL = 0.02
 """A gain below this share of the least sensible one is as good as none."""

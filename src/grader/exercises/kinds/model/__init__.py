@@ -9,7 +9,7 @@ from grader.domain.axes import Placed
 from grader.domain.run import Job, Limits, RunReport
 from grader.exercises.kind import DrawnCase, JudgedTrial, Judgement, Kind, Measurement, Mistake, Results, Trial
 from grader.exercises.kinds.model import driver, measuring
-from grader.exercises.kinds.model.judge import Outcome, judge_model, require_values
+from grader.exercises.kinds.model.judge import ModelOutcome, judge_model, require_values
 from grader.exercises.kinds.model.matching import agree
 from grader.exercises.kinds.model.mistakes import find_mistake, name_plain_mistake
 from grader.exercises.kinds.model.parameters import ModelCase, ModelParameters, Problem, pose_case
@@ -21,7 +21,7 @@ EMPTY = "<mujoco/>"
 BALL = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
 
 
-class Model(Kind[ModelParameters, Problem, Outcome]):
+class Model(Kind[ModelParameters, Problem, ModelOutcome]):
     """Judges a model: one trial for each case, with a finding for each goal."""
 
     parameters = ModelParameters
@@ -41,25 +41,29 @@ class Model(Kind[ModelParameters, Problem, Outcome]):
         """Evaluates every expression where the case begins. Raises WrongInCase where the reference has no value."""
         require_values(trial.problem)
 
-    def judge(self, parameters: ModelParameters, trial: Trial[Problem], results: Results) -> Judgement[Outcome]:
+    def judge(self, parameters: ModelParameters, trial: Trial[Problem], results: Results) -> Judgement[ModelOutcome]:
         """Compares what was measured."""
         return judge_model(trial.problem, results)
 
     def name_mistake(
-        self, parameters: ModelParameters, judged: Sequence[JudgedTrial[Problem, Outcome]]
+        self, parameters: ModelParameters, judged: Sequence[JudgedTrial[Problem, ModelOutcome]]
     ) -> Mistake | None:
         """Returns why the model cannot be compiled, or which element it lacks."""
         return name_plain_mistake(judged)
 
     def name_mistake_by_runs(
-        self, parameters: ModelParameters, judged: Sequence[JudgedTrial[Problem, Outcome]],
+        self, parameters: ModelParameters, judged: Sequence[JudgedTrial[Problem, ModelOutcome]],
         run: Callable[[Job], RunReport],
     ) -> Mistake | None:  # fmt: skip
         """Returns the mistake whose variant of the reference does what the student's model does."""
         return find_mistake(judged, run)
 
     def is_alike(
-        self, parameters: ModelParameters, trial: Trial[Problem], one: Judgement[Outcome], other: Judgement[Outcome]
+        self,
+        parameters: ModelParameters,
+        trial: Trial[Problem],
+        one: Judgement[ModelOutcome],
+        other: Judgement[ModelOutcome],
     ) -> bool:
         """Whether two models do the same in a case."""
         mine, its = one.outcome, other.outcome
@@ -72,7 +76,7 @@ class Model(Kind[ModelParameters, Problem, Outcome]):
         )
 
     def build_pictures(
-        self, parameters: ModelParameters, visible: Sequence[JudgedTrial[Problem, Outcome]]
+        self, parameters: ModelParameters, visible: Sequence[JudgedTrial[Problem, ModelOutcome]]
     ) -> dict[str, Any]:
         """Returns the geoms of both models."""
         return build_scenes(visible)

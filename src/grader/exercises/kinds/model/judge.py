@@ -30,7 +30,7 @@ QUATERNION = re.compile(r"quat\b")
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ModelOutcome:
     """What was measured: of each goal the values of the student's model, as the measuring program reports them; the
     `geoms` of both models; and `error`, why MuJoCo could not compile the student's."""
 
@@ -48,7 +48,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ExpressionComparison:
     """One expression of a goal: what is wrong with it, empty if nothing is, and its values for the finding."""
 
     fault: str = ""
@@ -57,7 +57,7 @@ class Comparison:
     missing: tuple[str, ...] = field(default=())
 
 
-def judge_model(problem: Problem, results: Results) -> Judgement[Outcome]:
+def judge_model(problem: Problem, results: Results) -> Judgement[ModelOutcome]:
     """Returns the judgement on one case. Raises ValueError where the reference itself cannot be measured, which is a
     fault of the author's."""
     report = json.loads(results["report"].tobytes())
@@ -66,14 +66,16 @@ def judge_model(problem: Problem, results: Results) -> Judgement[Outcome]:
         raise ValueError(f"the reference cannot be measured: {reference['error']}")
     if "error" in submitted:
         error = " ".join(str(submitted["error"]).split())
-        return Judgement(False, f"MuJoCo cannot compile the model: {error}", Outcome(error=error))
+        return Judgement(False, f"MuJoCo cannot compile the model: {error}", ModelOutcome(error=error))
     parts, missing = list[Part](), list[str]()
     for index, goal in enumerate(problem.case.goals):
         mine, its = submitted["goals"][index], reference["goals"][index]
         compared = dict(compare_goal(goal, mine, its, submitted["names"]))
         missing += [name for each in compared.values() for name in each.missing]
         parts.append(judge_goal(goal, str(index + 1), compared, runs=problem.case.seconds > 0))
-    outcome = Outcome(submitted["goals"], submitted["geoms"], reference["geoms"], missing=tuple(dict.fromkeys(missing)))
+    outcome = ModelOutcome(
+        submitted["goals"], submitted["geoms"], reference["geoms"], missing=tuple(dict.fromkeys(missing))
+    )
     message = next((part.message for part in parts if not part.passed), "The model is as it should be.")
     return Judgement(all(part.passed for part in parts), message, outcome, parts=tuple(parts))
 
@@ -89,7 +91,7 @@ def require_values(problem: Problem) -> None:
                     raise WrongInCase(f"goals.{index}.{part}", f"the reference {why} in {expression}: correct either")
 
 
-def judge_goal(goal: Goal, id_: str, compared: Mapping[str, Comparison], *, runs: bool) -> Part:
+def judge_goal(goal: Goal, id_: str, compared: Mapping[str, ExpressionComparison], *, runs: bool) -> Part:
     """Returns the finding of one goal; `runs` is whether its values are those at the end of a run."""
     wrong = {name: comparison for name, comparison in compared.items() if comparison.fault}
     wrong = dict(sorted(wrong.items(), key=lambda item: not item[1].missing))  # a name that lacks explains a number
@@ -111,7 +113,7 @@ def judge_goal(goal: Goal, id_: str, compared: Mapping[str, Comparison], *, runs
 
 def compare_goal(
     goal: Goal, mine: Mapping[str, Any], its: Mapping[str, Any], names: Mapping[str, Sequence[str]]
-) -> Iterator[tuple[str, Comparison]]:
+) -> Iterator[tuple[str, ExpressionComparison]]:
     """Yields each expression of a goal with what is wrong."""
     for expression in goal.same:
         one, other = mine["same"][expression], its["same"][expression]
@@ -121,7 +123,9 @@ def compare_goal(
         if not comparison.fault and mine["half"]:
             halves = compare_same(goal, expression, mine["half"][expression], its["half"][expression])
             if halves.fault:
-                comparison = Comparison(f"With half the timestep, {halves.fault[0].lower()}{halves.fault[1:]}")
+                comparison = ExpressionComparison(
+                    f"With half the timestep, {halves.fault[0].lower()}{halves.fault[1:]}"
+                )
         yield expression, explain_missing(expression, one, names) or comparison
     for expression, allowed in goal.within.items():
         one, other = mine["within"][expression], its["within"][expression]
@@ -133,7 +137,7 @@ def compare_goal(
 
 def explain_missing(
     expression: str, measured: Mapping[str, Any], names: Mapping[str, Sequence[str]]
-) -> Comparison | None:
+) -> ExpressionComparison | None:
     """Returns the fault of an expression that asks for an element which the model lacks; None where it does not."""
     if "missing" not in measured:
         return None
@@ -146,27 +150,29 @@ def explain_missing(
         fault += f", but one named {near[0]!r}"
     elif "" in there:
         fault += f', but {"an" if kind[:1] in "aeiou" else "a"} {kind} without a name: write name="{name}"'
-    return Comparison(f"{fault}.", missing=(name,))
+    return ExpressionComparison(f"{fault}.", missing=(name,))
 
 
-def compare_same(goal: Goal, expression: str, one: Mapping[str, Any], other: Mapping[str, Any]) -> Comparison:
+def compare_same(goal: Goal, expression: str, one: Mapping[str, Any], other: Mapping[str, Any]) -> ExpressionComparison:
     """Returns how the values of an expression differ from those of the reference."""
     its = read_values(other)
     if "values" not in one:
-        return Comparison(f"{expression} cannot be had: {one.get('raised', 'it is missing')}.", None, shorten(its))
+        return ExpressionComparison(
+            f"{expression} cannot be had: {one.get('raised', 'it is missing')}.", None, shorten(its)
+        )
     mine = read_values(one)
     measured, expected = shorten(mine), shorten(its)
     if "lost" in one and "lost" not in other:
-        return Comparison("The simulation blows up, and MuJoCo gives it up.", None, expected)
+        return ExpressionComparison("The simulation blows up, and MuJoCo gives it up.", None, expected)
     if mine is None or its is None or mine.shape != its.shape:
-        return Comparison(f"{expression} has another number of values.", measured, expected)
+        return ExpressionComparison(f"{expression} has another number of values.", measured, expected)
     scale = float(np.nanmax(np.abs(its), initial=0.0))
     signs = (1, -1) if QUATERNION.search(expression) else (1,)
     errors = [np.abs(sign * mine - its) for sign in signs]
     error = min(errors, key=lambda each: float(np.nan_to_num(each, nan=np.inf).max(initial=0.0)))
     if bool(np.all(error <= goal.atol + goal.rtol * scale)):
-        return Comparison("", measured, expected)
-    return Comparison(describe_difference(expression, mine, its), measured, expected)
+        return ExpressionComparison("", measured, expected)
+    return ExpressionComparison(describe_difference(expression, mine, its), measured, expected)
 
 
 def describe_difference(expression: str, mine: NDArray[np.float64], its: NDArray[np.float64]) -> str:
@@ -180,21 +186,27 @@ def describe_difference(expression: str, mine: NDArray[np.float64], its: NDArray
     return f"{expression} is not what it should be."
 
 
-def compare_range(goal: Goal, expression: str, measured: Mapping[str, Any], allowed: Sequence[float]) -> Comparison:
+def compare_range(
+    goal: Goal, expression: str, measured: Mapping[str, Any], allowed: Sequence[float]
+) -> ExpressionComparison:
     """Returns whether the values of an expression are within a range."""
     low, high = allowed
     if "values" not in measured:
-        return Comparison(f"{expression} cannot be had: {measured.get('raised', 'it is missing')}.", None, [low, high])
+        return ExpressionComparison(
+            f"{expression} cannot be had: {measured.get('raised', 'it is missing')}.", None, [low, high]
+        )
     values = read_values(measured)
     if "lost" in measured or values is None or not values.size:
-        return Comparison("The simulation blows up, and MuJoCo gives it up.", None, [low, high])
+        return ExpressionComparison("The simulation blows up, and MuJoCo gives it up.", None, [low, high])
     looked = values if goal.when == "always" else values[-1:]
     if bool(np.all((looked >= low) & (looked <= high))):
-        return Comparison("", shorten(looked), [low, high])
+        return ExpressionComparison("", shorten(looked), [low, high])
     way = "too large" if bool(np.any(looked > high)) else "too small"
     when = "at some time" if goal.when == "always" and len(looked) > 1 else "at the end" if len(values) > 1 else ""
     worst = looked.max() if way == "too large" else looked.min()
-    return Comparison(f"{expression} is {way} {when}".rstrip() + ".", float(f"{worst:.{FIGURES}g}"), [low, high])
+    return ExpressionComparison(
+        f"{expression} is {way} {when}".rstrip() + ".", float(f"{worst:.{FIGURES}g}"), [low, high]
+    )
 
 
 def read_values(measured: Mapping[str, Any]) -> NDArray[np.float64] | None:

@@ -11,7 +11,7 @@ from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.exercises.driving.embedding import compile_code
 from grader.exercises.kind import JudgedTrial, Mistake
 from grader.exercises.kinds.model import matching, measuring
-from grader.exercises.kinds.model.judge import Outcome
+from grader.exercises.kinds.model.judge import ModelOutcome
 from grader.exercises.kinds.model.parameters import Problem
 from grader.exercises.kinds.model.variants import Variant, list_variants
 
@@ -26,7 +26,7 @@ verdict."""
 
 SAME_MODEL = "The model does not depend on all of the numbers that the function gets."
 
-Judged = Sequence[JudgedTrial[Problem, Outcome]]
+Judged = Sequence[JudgedTrial[Problem, ModelOutcome]]
 
 
 def name_plain_mistake(judged: Judged) -> Mistake | None:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from grader.exercises.episodes.goals import measure_goal
-from grader.exercises.episodes.judge import Outcome, find_failed
+from grader.exercises.episodes.judge import EpisodeOutcome, find_failed
 from grader.exercises.episodes.parameters import Problem
 from grader.exercises.episodes.simulating import simulate_law
 from grader.exercises.kind import JudgedTrial
@@ -23,7 +23,7 @@ STEPS_FREE = 20
 
 
 @dataclass(frozen=True)
-class Sample:
+class EpisodeSample:
     """Episodes of a case that a variant is run over, and how many of them it may fail."""
 
     problem: Problem
@@ -34,7 +34,7 @@ class Sample:
 class Bench:
     """The episodes of a failed policy, those of failed cases first, and the control periods that are left."""
 
-    def __init__(self, parameters: PolicyParameters, judged: Sequence[JudgedTrial[Problem, Outcome]]) -> None:
+    def __init__(self, parameters: PolicyParameters, judged: Sequence[JudgedTrial[Problem, EpisodeOutcome]]) -> None:
         self.parameters, self.left = parameters, PERIODS_MAX
         ordered = sorted(judged, key=lambda trial: trial.judgement.passed)
         self.samples = [choose_episodes(trial) for trial in ordered]
@@ -43,7 +43,7 @@ class Bench:
         """Whether a variant works in every case; False once no control period is left."""
         return all(self._works_in(sample, variant) for sample in self.samples)
 
-    def _works_in(self, sample: Sample, variant: Variant) -> bool:
+    def _works_in(self, sample: EpisodeSample, variant: Variant) -> bool:
         problem, failed = change_period(sample.problem, variant.period), 0
         for place in sample.places:
             self.left -= round(problem.periods * max(1.0, problem.steps / STEPS_FREE))
@@ -57,13 +57,13 @@ class Bench:
         return True
 
 
-def choose_episodes(judged: JudgedTrial[Problem, Outcome]) -> Sample:
+def choose_episodes(judged: JudgedTrial[Problem, EpisodeOutcome]) -> EpisodeSample:
     """Returns the first failed episodes of a failed case, and the first that succeeded of another."""
     problem, failed = judged.problem, judged.judgement.outcome.failed
     if judged.judgement.passed:
-        return Sample(problem, [i for i, goals in enumerate(failed) if not goals][:1], 0)
+        return EpisodeSample(problem, [i for i, goals in enumerate(failed) if not goals][:1], 0)
     places = [i for i, goals in enumerate(failed) if goals][:EPISODES_TRIED]
-    return Sample(problem, places, int(len(places) * (1 - problem.case.share) + 1e-9))
+    return EpisodeSample(problem, places, int(len(places) * (1 - problem.case.share) + 1e-9))
 
 
 def change_period(problem: Problem, factor: float) -> Problem:

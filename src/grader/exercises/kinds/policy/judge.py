@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
-from grader.exercises.episodes.judge import Outcome, judge_records
+from grader.exercises.episodes.judge import EpisodeOutcome, judge_records
 from grader.exercises.episodes.parameters import Problem
 from grader.exercises.episodes.simulating import simulate_law
 from grader.exercises.judgement import Judgement, Results
@@ -16,7 +16,7 @@ REFUSAL_CHARS_MAX = 500
 
 
 @dataclass(frozen=True)
-class SimulatedPolicy(Outcome):
+class SimulatedPolicy(EpisodeOutcome):
     """The records of a policy, and the network."""
 
     network: Network

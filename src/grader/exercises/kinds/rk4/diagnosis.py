@@ -12,7 +12,7 @@ from grader.exercises.kinds.rk4.addresses import explain_misplaced, explain_quat
 from grader.exercises.kinds.rk4.combinations import Combination, Term
 from grader.exercises.kinds.rk4.judging.judge import RunOutcome
 from grader.exercises.kinds.rk4.judging.quaternions import find_quaternions
-from grader.exercises.kinds.rk4.lines import END, Place
+from grader.exercises.kinds.rk4.lines import END, StepPlace
 from grader.exercises.kinds.rk4.methods import compute_order, find_name
 from grader.exercises.kinds.rk4.mutants.catalogue import MUTANTS, OF_BARE_DATA
 from grader.exercises.kinds.rk4.mutants.matching import Match, TakenSteps, find_match
@@ -104,7 +104,7 @@ class Diagnosis:
 
     sentence: str | None = None
     fallback: str | None = None
-    place: Place | None = None
+    place: StepPlace | None = None
 
 
 @lru_cache(maxsize=16)
@@ -238,15 +238,15 @@ def list_taken_steps(judged: AnyJudged) -> TakenSteps | None:
     return TakenSteps(reading.model, [(step, forces[step.probe]) for step in reading.steps])
 
 
-def find_mutant_place(match: Match) -> Place:
+def find_mutant_place(match: Match) -> StepPlace:
     """Returns where the first of the mutants changes the right step."""
     name, part = match.mutants[0].place
     calls = [all(called) for called in zip(*(mutant.program.calls for mutant in match.mutants), strict=True)]
     after = END if name == "end" else sum(calls[: int(name.removeprefix("stage ")) - 1])
-    return Place(after, part, sum(calls))
+    return StepPlace(after, part, sum(calls))
 
 
-def find_first_difference(reading: Reading) -> Place | None:
+def find_first_difference(reading: Reading) -> StepPlace | None:
     """Returns the first row of a reading that is not that of the classical method; None if all are. As the sentences
     do, it looks at positions and velocities before activations, and at the time last."""
     positions, velocities = ("qpos", "v", reading.positions), ("qvel", "a", reading.velocities)
@@ -256,7 +256,7 @@ def find_first_difference(reading: Reading) -> Place | None:
                 if rows and (
                     rows[row] is None or not is_close(rows[row] or {}, get_classical(slope, row, reading.calls))
                 ):
-                    return Place(row if row < reading.calls else END, name, reading.calls)
+                    return StepPlace(row if row < reading.calls else END, name, reading.calls)
     return None
 
 

@@ -18,7 +18,7 @@ FIGURES = 6
 """Figures of the positions that are kept: more than can be seen."""
 
 
-class Motion(BaseModel):
+class RecordedMotion(BaseModel):
     """Some positions of the student's run, as the evidence has them: after which steps, from 0, and what they are."""
 
     case: str
@@ -63,7 +63,7 @@ def keep_motion(visible: Sequence[JudgedTrial[Problem, Rk4Outcome]]) -> dict[str
 def record_films(trials: Sequence[Trial[Problem]], evidence: Mapping[str, Any]) -> Iterator[Film]:
     """Yields the film of the motion that the evidence has, beside MuJoCo's RK4 under the same force."""
     try:
-        motion = Motion.model_validate(evidence.get("motion"))
+        motion = RecordedMotion.model_validate(evidence.get("motion"))
         differences = [
             MeasuredDifference.model_validate(difference) for difference in evidence.get("differences") or []
         ]

@@ -20,7 +20,7 @@ END = -1
 
 
 @dataclass(frozen=True)
-class Change:
+class StateChange:
     """A line that changes the state or calls mj_forward; `lines` begins with the innermost."""
 
     bits: int
@@ -31,22 +31,22 @@ class Change:
         return bool(self.bits & (1 << PARTS.index(part) if part in PARTS else CALL - 1))
 
 
-def read_changes(trace: Trace) -> list[list[Change]]:
+def read_changes(trace: Trace) -> list[list[StateChange]]:
     """Returns the changes of the step in a trace, in groups: a group ends with a call of mj_forward, the last one with
     the step. Empty where there is no note, or it cannot be read."""
     note = next(iter(trace.list_notes("lines")), None)
     if note is None or len(note.numbers) % COLUMNS or not np.all((note.numbers >= 0) & (note.numbers <= LINES_MAX)):
         return []
-    groups: list[list[Change]] = [[]]
+    groups: list[list[StateChange]] = [[]]
     for bits, *lines in note.numbers.astype(int).reshape(-1, COLUMNS).tolist():
-        groups[-1].append(Change(bits, tuple(line for line in lines if line)))
+        groups[-1].append(StateChange(bits, tuple(line for line in lines if line)))
         if bits & CALL:
             groups.append([])
     return groups
 
 
 @dataclass(frozen=True)
-class Place:
+class StepPlace:
     """Where a step goes wrong: behind how many calls of mj_forward, END for the end of the step, and in which part of
     the state, or "forward" where a call lacks. `calls` is how many the step has."""
 
@@ -55,7 +55,7 @@ class Place:
     calls: int
 
 
-def find_line(trace: Trace, place: Place) -> int | None:
+def find_line(trace: Trace, place: StepPlace) -> int | None:
     """Returns the line that writes that part of the state there, else that of the next call; None where the trace tells
     of no such line. Where a line is shared by the stages, the line that calls it is returned, if that is not."""
     groups = read_changes(trace)
@@ -71,7 +71,7 @@ def find_line(trace: Trace, place: Place) -> int | None:
     return choose_line(writes[0] if place.part == "forward" else writes[-1], groups, here)
 
 
-def choose_line(change: Change, groups: Sequence[Sequence[Change]], here: int) -> int:
+def choose_line(change: StateChange, groups: Sequence[Sequence[StateChange]], here: int) -> int:
     """Returns the innermost of a change's lines that no other group has; the innermost of all where each is shared."""
     others = [group for index, group in enumerate(groups) if index != here]
     shared = {line for group in others for place in group for line in place.lines}

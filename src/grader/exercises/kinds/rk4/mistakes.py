@@ -25,7 +25,7 @@ from grader.exercises.kinds.rk4.judging.trajectory import (
     simulate_with,
     subtract_positions,
 )
-from grader.exercises.kinds.rk4.lines import Place, find_line
+from grader.exercises.kinds.rk4.lines import StepPlace, find_line
 from grader.exercises.kinds.rk4.methods import NAMED, chain_stages, chain_stages_and_result
 from grader.exercises.kinds.rk4.sentences.tableaus import WRONG_WEIGHTS, describe_method
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, Matrix, Row
@@ -66,7 +66,7 @@ State = tuple[Vector, Vector]
 
 
 @dataclass(frozen=True)
-class Motion:
+class ModelMotion:
     """Computes accelerations and moves positions of one model."""
 
     model: mujoco.MjModel
@@ -86,7 +86,7 @@ class Motion:
         return moved
 
 
-Method = Callable[[Motion, Vector, Vector, float, float], State]
+Method = Callable[[ModelMotion, Vector, Vector, float, float], State]
 """(motion, q, v, time, h) -> (q, v) after the step."""
 
 
@@ -95,7 +95,7 @@ def build_step(method: Method, forward: Forward) -> Callable[[mujoco.MjModel, mu
 
     def step(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         time, h = float(data.time), float(model.opt.timestep)
-        q, v = method(Motion(model, data, forward), data.qpos.copy(), data.qvel.copy(), time, h)
+        q, v = method(ModelMotion(model, data, forward), data.qpos.copy(), data.qvel.copy(), time, h)
         data.qpos[:], data.qvel[:], data.time = q, v, time + h
 
     return step
@@ -109,7 +109,7 @@ def add_weighted(weights: Row, parts: Sequence[Vector]) -> Vector:
 def build_method(rows: Matrix) -> Method:
     """Returns the explicit Runge-Kutta method of a tableau: stages, then weights."""
 
-    def step(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
+    def step(motion: ModelMotion, q: Vector, v: Vector, time: float, h: float) -> State:
         *stages, weights = rows
         velocities, slopes = list[Vector](), list[Vector]()
         for row in stages:
@@ -122,7 +122,7 @@ def build_method(rows: Matrix) -> Method:
     return step
 
 
-def step_semi_implicit(motion: Motion, q: Vector, v: Vector, time: float, h: float) -> State:
+def step_semi_implicit(motion: ModelMotion, q: Vector, v: Vector, time: float, h: float) -> State:
     """MuJoCo's Euler without damping: the new velocity moves the position."""
     v = v + h * motion.accelerate(q, v, time)
     return motion.move(q, v, h), v
@@ -197,7 +197,7 @@ def find_mistaken_line(diagnosis: Diagnosis, runs: Sequence[JudgedTrial[Problem,
     return None if line is None or diagnosis.place is None else find_origin(script, line, diagnosis.place.part)
 
 
-def find_first_line(traces: Sequence[Trace], place: Place | None) -> int | None:
+def find_first_line(traces: Sequence[Trace], place: StepPlace | None) -> int | None:
     """Returns the line of a place in a step, from the first trace that tells it."""
     return next((line for trace in traces if place and (line := find_line(trace, place)) is not None), None)
 

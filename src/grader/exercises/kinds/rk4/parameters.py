@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from grader.domain.numbers import Points, Positive, Real
 from grader.exercises.kind import DrawnCase
-from grader.exercises.kinds.rk4.judging.run import Force, Order, Probe, Problem, Run, with_timestep
+from grader.exercises.kinds.rk4.judging.run import Force, OrderMeasurement, Probe, Problem, Run, with_timestep
 from grader.exercises.parameters import CASES_MAX, Case, ExerciseParameters, Strict, WrongParameter
 from grader.numerics.accuracy.runge_kutta import check_supported
 from grader.numerics.scene import Scene
@@ -127,7 +127,7 @@ def pose_case(parameters: Rk4Parameters, drawn: DrawnCase[Rk4Case]) -> Problem:
     if check is None:
         return problem
     order_runs = tuple(with_timestep(run, h, round(check.seconds / h)) for h in check.timesteps_s)
-    return replace(problem, order=Order(check.timesteps_s, check.tolerance), order_runs=order_runs)
+    return replace(problem, order=OrderMeasurement(check.timesteps_s, check.tolerance), order_runs=order_runs)
 
 
 def check_muscles(model: mujoco.MjModel, xml: str) -> None:

@@ -2,7 +2,7 @@
 
 import re
 
-from grader.exercises.explaining.claims import Claim, Evidence, build_claims, of_script
+from grader.exercises.explaining.claims import Evidence, SentenceClaim, build_claims, of_script
 from grader.exercises.explaining.places import Landmark, build_landmarks, call_of, find_named_field, write_of
 
 SPELLED = {"once": 1, "one": 1, "both": 2, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "seven": 7, "eight": 8}
@@ -20,7 +20,7 @@ def count_calls(evidence: Evidence, match: "re.Match[str]") -> bool:
 
 VIEWS = of_script(lambda script: script.has_view("qpos", "qvel", "qacc", "act_dot"))
 
-CLAIMS: tuple[Claim, ...] = build_claims([
+CLAIMS: tuple[SentenceClaim, ...] = build_claims([
     (rf"(?:mj_forward is called|[Yy]ou call mj_forward) {COUNT}\b", count_calls),
     (rf"(?:All )?\b(?i:{COUNT}) calls of mj_forward find", count_calls),
     (r"v aliases data\.qvel, so copy it \(data\.qvel\.copy\(\)\)", of_script(lambda script: script.has_alias("qvel")),

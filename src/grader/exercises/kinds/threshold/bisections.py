@@ -7,7 +7,7 @@ from itertools import product
 
 from grader.exercises.kinds.threshold.judging.judge import Bracket
 from grader.exercises.kinds.threshold.observation import CLOSE, Observation
-from grader.exercises.kinds.threshold.search_trace import Run
+from grader.exercises.kinds.threshold.search_trace import SearchRun
 
 Ends = tuple[float, float]
 
@@ -61,7 +61,7 @@ class Bisection:
     update: Callable[..., Ends] = keep_one_inside
     find_middle: Callable[[float, float], float] = halve
 
-    def follow(self, runs: Sequence[Run], low: float, high: float) -> Ends | None:
+    def follow(self, runs: Sequence[SearchRun], low: float, high: float) -> Ends | None:
         """Returns the ends that are left, if the bisection tries the timesteps of the runs; None if it does not. The
         outcomes are those of the runs."""
         for run in runs:
@@ -136,6 +136,6 @@ def explain_wrong_bisection(observed: Observation) -> str | None:
     return matches[0][0].sentence if len(matches) == 1 else AGAIN if matches else None
 
 
-def is_look(runs: Sequence[Run], *ends: float) -> bool:
+def is_look(runs: Sequence[SearchRun], *ends: float) -> bool:
     """Whether runs are at the ends of the search alone."""
     return all(any(abs(run.timestep_s - end) <= CLOSE * end for end in ends) for run in runs)

@@ -36,7 +36,7 @@ class ClaimRecord(BaseModel):
     said_none: bool
 
 
-class Limits(BaseModel):
+class TrialLimits(BaseModel):
     """The limits of a trial as the evidence has them [ms]."""
 
     case: str
@@ -101,9 +101,9 @@ def choose_case(by_id: Collection[str], evidence: Mapping[str, Any], failed: Col
     return next((some for some in cases if any(claim.case in failed for claim in some)), cases[0] if cases else [])
 
 
-def read_limits(evidence: Mapping[str, Any]) -> dict[str, Limits]:
+def read_limits(evidence: Mapping[str, Any]) -> dict[str, TrialLimits]:
     """Returns the limits that the evidence has, by trial."""
-    return {limit.case: limit for limit in read(evidence.get("limits"), Limits)}
+    return {limit.case: limit for limit in read(evidence.get("limits"), TrialLimits)}
 
 
 def read(values: Any, kind: type[Read]) -> list[Read]:
@@ -128,7 +128,7 @@ def take_claim(parameters: ThresholdParameters, trial: Trial[Cell], claim: Claim
         yield Take(trial, timestep_s, "")
 
 
-def take_limit(parameters: ThresholdParameters, trial: Trial[Cell], limit: Limits, *, is_above: bool) -> Take:
+def take_limit(parameters: ThresholdParameters, trial: Trial[Cell], limit: TrialLimits, *, is_above: bool) -> Take:
     """Returns the run just below the linear limit, or just above that within the horizon; without a limit, the run at
     the longest timestep."""
     longest = parameters.search_s[1]

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
-from grader.exercises.explaining.script import NO_SCRIPT, Script
+from grader.exercises.explaining.script import NO_SCRIPT, ParsedScript
 from grader.exercises.kinds.threshold.judging.judge import Bracket, Claim, judge_claim
 from grader.exercises.kinds.threshold.parameters import Cell, ThresholdParameters
-from grader.exercises.kinds.threshold.search_trace import Run, Search
+from grader.exercises.kinds.threshold.search_trace import SearchRun, SearchTrace
 from grader.exercises.trace import Trace
 from grader.numerics.stability.horizon import warns_within
 
@@ -24,11 +24,11 @@ class Observation:
     parameters: ThresholdParameters
     cell: Cell
     claim: Claim
-    search: Search
+    search: SearchTrace
     trace: Trace
     may_tell_numbers: bool
     simulates_others: bool = False
-    script: Script = NO_SCRIPT
+    script: ParsedScript = NO_SCRIPT
 
     def describe_timestep(self, seconds: float) -> str:
         """Where a timestep is, for the student; no number of a hidden trial."""
@@ -39,7 +39,7 @@ class Observation:
         return f"{number:.4g}" if self.may_tell_numbers else f"{number:.2g}"
 
     @property
-    def stable_runs(self) -> list[Run]:
+    def stable_runs(self) -> list[SearchRun]:
         """The runs at timesteps that the claim calls stable, the largest first."""
         runs = self.search.runs
         if isinstance(self.claim, Bracket):
@@ -47,7 +47,7 @@ class Observation:
         return sorted(runs, key=lambda run: -run.timestep_s)
 
     @property
-    def unstable_runs(self) -> list[Run]:
+    def unstable_runs(self) -> list[SearchRun]:
         """The runs at timesteps that the claim calls unstable, the smallest first."""
         if not isinstance(self.claim, Bracket):
             return []
@@ -55,7 +55,7 @@ class Observation:
         return sorted(runs, key=lambda run: run.timestep_s)
 
     @property
-    def runs_before_falls(self) -> list[Run]:
+    def runs_before_falls(self) -> list[SearchRun]:
         """The runs after which the search went on at a smaller timestep: it took them for unstable."""
         return [run for run, other in pairwise(self.search.runs) if other.timestep_s < run.timestep_s * (1 - CLOSE)]
 

@@ -5,7 +5,7 @@ import re
 
 import mujoco
 
-from grader.exercises.explaining.claims import Claim, Evidence, build_claims, of_script, uses
+from grader.exercises.explaining.claims import Evidence, SentenceClaim, build_claims, of_script, uses
 from grader.exercises.explaining.places import (
     Landmark,
     build_landmarks,
@@ -16,9 +16,9 @@ from grader.exercises.explaining.places import (
     find_test,
     write_of,
 )
-from grader.exercises.explaining.script import LOOPS, Script, read_name, walk_within
+from grader.exercises.explaining.script import LOOPS, ParsedScript, read_name, walk_within
 from grader.exercises.kinds.threshold.run_mistakes import FIELD_NAMES, SHORT_SHARE
-from grader.exercises.kinds.threshold.search_trace import Search, read_search
+from grader.exercises.kinds.threshold.search_trace import SearchTrace, read_search
 
 WARNINGS = frozenset({"mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC", "mjWARN_BADCTRL"})
 OTHER_WARNINGS = frozenset(name for name in dir(mujoco.mjtWarning) if name.startswith("mjWARN_")) - WARNINGS
@@ -27,7 +27,7 @@ HAND_RESETS = ("time", "qvel")
 """Fields of data that a script writes which begins a run again without mj_resetData."""
 
 
-def read_failed(evidence: Evidence) -> list[Search]:
+def read_failed(evidence: Evidence) -> list[SearchTrace]:
     """Returns the searches of the failed trials that can be read."""
     return [search for trace in evidence.failed if (search := read_search(trace)) is not None]
 
@@ -53,12 +53,12 @@ def has_short_run(evidence: Evidence, match: object) -> bool:
     return not runs or any(run.duration_s < SHORT_SHARE * horizon_s for run in runs)
 
 
-def begins_again(script: Script) -> bool:
+def begins_again(script: ParsedScript) -> bool:
     """Whether a script writes what mj_resetData would put back."""
     return any(script.find_write(field) for field in HAND_RESETS) or "mj_setState" in script.names
 
 
-CLAIMS: tuple[Claim, ...] = build_claims([
+CLAIMS: tuple[SentenceClaim, ...] = build_claims([
     (r"without a single step", steps_nowhere),
     (r"^Nothing was simulated", steps_nowhere),
     (r"^Nothing was simulated: your answer comes from a formula or was written down",
@@ -82,29 +82,29 @@ CLAIMS: tuple[Claim, ...] = build_claims([
 ])  # fmt: skip
 
 
-def find_return_in_loop(script: Script, _: object) -> int | None:
+def find_return_in_loop(script: ParsedScript, _: object) -> int | None:
     """Returns the line of the first `return` that stands inside a loop."""
     return next(iter(script.returns_in_loops), None)
 
 
-def find_changed_field(script: Script, match: "re.Match[str]") -> int | None:
+def find_changed_field(script: ParsedScript, match: "re.Match[str]") -> int | None:
     """Returns the line that writes one of the fields that a sentence names in words."""
     names = [field for field, words in FIELD_NAMES.items() if words in match[0]]
     return next((line for field in names if (line := script.find_write(field))), None)
 
 
-def find_run(script: Script, _: object) -> int | None:
+def find_run(script: ParsedScript, _: object) -> int | None:
     """Returns the line of the innermost loop that steps."""
     return script.find_loop(lambda node: isinstance(node, ast.Call) and read_name(node.func) == "mj_step")
 
 
-def find_search(script: Script, _: object) -> int | None:
+def find_search(script: ParsedScript, _: object) -> int | None:
     """Returns the line of the innermost loop that computes a middle."""
     lines = {*script.find_middles().values()}
     return script.find_loop(lambda node: isinstance(node, ast.Assign) and node.lineno in lines)
 
 
-def list_run_nodes(script: Script) -> list[ast.AST]:
+def list_run_nodes(script: ParsedScript) -> list[ast.AST]:
     """Returns what stands in the innermost function that steps; nothing where none does."""
     functions = [node for node in script.nodes if isinstance(node, ast.FunctionDef)]
     for function in reversed(functions):
@@ -114,12 +114,12 @@ def list_run_nodes(script: Script) -> list[ast.AST]:
     return []
 
 
-def find_run_result(script: Script, _: object) -> int | None:
+def find_run_result(script: ParsedScript, _: object) -> int | None:
     """Returns the line of the last `return` of the innermost function that steps."""
     return max((node.lineno for node in list_run_nodes(script) if isinstance(node, ast.Return)), default=None)
 
 
-def find_own_test(script: Script, _: object) -> int | None:
+def find_own_test(script: ParsedScript, _: object) -> int | None:
     """Returns the line of the one condition without a warning by which a run ends early, or which it returns; None
     where there is none, or several."""
     within = list_run_nodes(script)
@@ -164,7 +164,7 @@ LANDMARKS: tuple[Landmark, ...] = build_landmarks([
 ])  # fmt: skip
 
 
-def describe_test(script: Script) -> str:
+def describe_test(script: ParsedScript) -> str:
     """Returns what a script looks for in place of a warning, as its text shows, in a sentence with a space behind it;
     empty if it shows nothing."""
     names, counted = script.names, script.find_bound("number")

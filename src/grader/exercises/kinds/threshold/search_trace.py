@@ -11,7 +11,7 @@ COLUMNS = 11
 
 
 @dataclass(frozen=True)
-class Run:
+class SearchRun:
     """One run: times [s]; the first coordinate, speed and control at its start; kinds of warning at start and end."""
 
     model: int
@@ -43,11 +43,11 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Search:
+class SearchTrace:
     """The runs of one trial: `differing_fields` names for each model the fields in which it is not the given one.
     `created` counts how often a data was created or reset; `was_reset`: the last run was followed by a reset."""
 
-    runs: tuple[Run, ...]
+    runs: tuple[SearchRun, ...]
     total: int
     created: int
     differing_fields: tuple[tuple[str, ...], ...]
@@ -57,14 +57,14 @@ class Search:
     was_reset: bool = False
 
 
-def read_search(trace: Trace) -> Search | None:
+def read_search(trace: Trace) -> SearchTrace | None:
     """Returns the search that a trace tells of; None if it tells of none, or cannot be read."""
     note = next(iter(trace.list_notes("search")), None)
     if note is None or len(note.numbers) % COLUMNS:
         return None
     rows = [row for row in note.numbers.reshape(-1, COLUMNS).tolist() if all(map(isfinite, row[:4] + row[6:]))]
     total, created, given, set_s = (note.info.get(key) for key in ("total", "created", "given", "set_s"))
-    return Search(
+    return SearchTrace(
         runs=tuple(
             read_run(row) for row in rows if 0 < row[1] < 1e3 and all(0 <= row[i] < 2**31 for i in (0, 2, 6, 9))
         ),
@@ -78,10 +78,10 @@ def read_search(trace: Trace) -> Search | None:
     )
 
 
-def read_run(row: Sequence[float]) -> Run:
+def read_run(row: Sequence[float]) -> SearchRun:
     """Returns the run that a row of the note describes."""
     model, timestep_s, integrator, start_s, qpos, qvel, stood, ctrl, end_s, raised, last_timestep_s = row
-    return Run(
+    return SearchRun(
         model=int(model), timestep_s=timestep_s, integrator=int(integrator), start_s=start_s, qpos=qpos, qvel=qvel,
         old_warnings=int(stood), end_s=end_s, warnings=int(raised), last_timestep_s=last_timestep_s, ctrl=ctrl
     )  # fmt: skip

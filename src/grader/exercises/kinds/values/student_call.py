@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 
 from grader.exercises.kinds.values.judging.driver import Rows
-from grader.exercises.kinds.values.judging.judge import Comparison, fits
+from grader.exercises.kinds.values.judging.judge import CallComparison, fits
 from grader.exercises.kinds.values.judging.problem import Call
 from grader.exercises.kinds.values.parameters import Problem, Result
 from grader.exercises.programs import LINES_MAX, Program, limit_lines
@@ -21,7 +21,7 @@ class StudentCall:
     """One call of the function, with its outcome."""
 
     problem: Problem
-    comparison: Comparison
+    comparison: CallComparison
     trace: Trace = NO_TRACE
     hidden: bool = False
 

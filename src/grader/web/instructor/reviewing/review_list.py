@@ -90,7 +90,7 @@ Choice = Annotated[Chosen, Depends(parse_choice)]
 
 
 @dataclass(frozen=True)
-class Row:
+class AnswerRow:
     """One answer of a list. `held_by` names who reviews it, `is_theirs` where that is another instructor."""
 
     id: str
@@ -128,7 +128,9 @@ def show(
     return page(request, "review.html", who=who, rows=rows[:ROWS], said=said, last=last, **shown)
 
 
-def list_rows(desk: Desk, session: Session, who: Identity, chosen: Chosen, after: str | None) -> tuple[list[Row], bool]:
+def list_rows(
+    desk: Desk, session: Session, who: Identity, chosen: Chosen, after: str | None
+) -> tuple[list[AnswerRow], bool]:
     """Returns one answer more than a page has, beginning after the id `after`; and whether a name lifted pseudonyms."""
     answers, claims = find_answers(desk, session, who, chosen, after)
     seen = hide_names(
@@ -177,13 +179,13 @@ def name_holder(claim: ReviewClaim | None, who: Identity) -> tuple[str, bool]:
 
 def make_row(
     submission: Submission, verdict: Any, learner: str, titles: Mapping[tuple[str, str], str], held: tuple[str, bool]
-) -> Row:
+) -> AnswerRow:
     """Returns one answer in words. What waits for a person has no points yet."""
     decided = verdict is not None and verdict["status"] != Status.NEEDS_REVIEW
     waiting = RUNNING if submission.status == submissions.RUNNING else QUEUED
     badge = describe_status(verdict["status"]) if verdict else waiting
     title = titles.get((submission.quiz, submission.question), submission.question)
-    return Row(
+    return AnswerRow(
         submission.id, learner, submission.quiz, title, shorten_answer(submission),
         format_day(submission.created_at), write_span((now() - submission.created_at).total_seconds()), badge,
         (verdict["points"], verdict["max_points"]) if decided else None, *held, submission.status == NEEDS_REVIEW,

@@ -8,7 +8,7 @@ import numpy as np
 
 from grader.exercises.judgement import Judgement, Results
 from grader.exercises.kinds.rk4.judging.judge import Truth, judge_order, judge_run
-from grader.exercises.kinds.rk4.judging.run import Force, Order, Problem, Run
+from grader.exercises.kinds.rk4.judging.run import Force, OrderMeasurement, Problem, Run
 from grader.exercises.kinds.rk4.judging.trajectory import Trajectory
 
 PARTS = ("time", "qpos", "qvel", "act")
@@ -29,14 +29,18 @@ def describe(problem: Problem, truth: Truth) -> dict[str, Any]:
     }
 
 
+def read_order(order: Mapping[str, Any]) -> OrderMeasurement:
+    """Returns how the order is measured."""
+    return OrderMeasurement(tuple(order["timesteps_s"]), order["tolerance"])
+
+
 def judge(inputs: Mapping[str, Any], problem: Mapping[str, Any], results: Results) -> Judgement[Any]:
     """Judges the runs of a trial."""
     runs, asks_order = list_runs(inputs), problem["order"] is not None
     posed = Problem(
         case=problem["case"], run=runs[0], tolerance=problem["tolerance"], time_matters=problem["time_matters"],
         accepts_other_methods=problem["accepts_other_methods"], asks_order=asks_order,
-        order=Order(tuple(problem["order"]["timesteps_s"]), problem["order"]["tolerance"]) if asks_order else None,
-        order_runs=runs if asks_order else (),
+        order=read_order(problem["order"]) if asks_order else None, order_runs=runs if asks_order else (),
     )  # fmt: skip
     truth = Truth(tuple(problem["times_s"]), partial(read_motion, problem["exact"], runs[0]))
     return (judge_order if asks_order else judge_run)(posed, truth, results)

@@ -8,7 +8,7 @@ from math import isfinite
 import numpy as np
 
 from grader.exercises.judgement import Judgement, Results
-from grader.exercises.kinds.rk4.judging.run import Order, Problem, Run, with_timestep
+from grader.exercises.kinds.rk4.judging.run import OrderMeasurement, Problem, Run, with_timestep
 from grader.exercises.kinds.rk4.judging.trajectory import (
     Difference,
     Trajectory,
@@ -153,7 +153,7 @@ class OrderOutcome:
     MuJoCo's method, and such a run may count. `other_timestep`: a timestep [s] and what the step took in its place,
     though it takes others as they are."""
 
-    check: Order
+    check: OrderMeasurement
     errors: tuple[float, ...]
     ignores_timestep: bool
     follows_mujoco: bool

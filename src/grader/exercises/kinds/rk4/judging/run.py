@@ -49,7 +49,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Order:
+class OrderMeasurement:
     """How the order is measured: at which timesteps [s], and how far it may be from the fourth."""
 
     timesteps_s: Floats
@@ -67,7 +67,7 @@ class Problem:
     tolerance: float
     time_matters: bool
     accepts_other_methods: bool
-    order: Order | None = None
+    order: OrderMeasurement | None = None
     order_runs: tuple[Run, ...] = ()
     asks_order: bool = False
     probe: Probe | None = None

@@ -5,9 +5,9 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from grader.exercises.kinds.rk4.mutants.physics import ACCELERATIONS, ROTATIONS
-from grader.exercises.kinds.rk4.mutants.program import THIRDS, Program
+from grader.exercises.kinds.rk4.mutants.program import THIRDS, StepProgram
 
-RIGHT = Program()
+RIGHT = StepProgram()
 
 HALVES = ("t", "t + h/2", "t + h/2", "t + h")
 FRACTIONS = ("nothing", "h/2", "h/2", "h")
@@ -29,12 +29,12 @@ class Mutant:
     is_tableau: bool = False
 
     @property
-    def program(self) -> Program:
+    def program(self) -> StepProgram:
         """The program of this mutant alone."""
         return replace(RIGHT, **self.changes)
 
 
-def combine(one: Mutant, other: Mutant) -> Program | None:
+def combine(one: Mutant, other: Mutant) -> StepProgram | None:
     """Returns the program of two mutants; None where they change the same entry, or nothing more than one of them."""
     changes: dict[str, Any] = dict(one.changes)
     if "rate" in {*one.changes, *other.changes} and "velocities" in {*one.changes, *other.changes}:
@@ -279,7 +279,7 @@ def list_mutants() -> tuple[Mutant, ...]:
         list_call_mutants, list_whole_mutants, list_time_mutants, list_physics_mutants, list_stage_mutants,
         list_end_mutants,
     )  # fmt: skip
-    mutants: dict[Program, Mutant] = {}
+    mutants: dict[StepProgram, Mutant] = {}
     for make in makers:
         for mutant in make():
             mutants.setdefault(mutant.program, mutant)
@@ -292,4 +292,4 @@ MUTANTS = list_mutants()
 OF_BARE_DATA = tuple(mutant for mutant in MUTANTS if len(mutant.changes.get("bare_data", ())) > 1)
 """Those that lack several parts of data, so that each sentence on one of them tells too little."""
 
-assert {name for mutant in MUTANTS for name in mutant.changes} <= {part.name for part in fields(Program)}
+assert {name for mutant in MUTANTS for name in mutant.changes} <= {part.name for part in fields(StepProgram)}

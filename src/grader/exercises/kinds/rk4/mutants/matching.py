@@ -8,7 +8,7 @@ import numpy as np
 
 from grader.exercises.kinds.rk4.judging.run import Force
 from grader.exercises.kinds.rk4.mutants.catalogue import MUTANTS, RIGHT, Mutant, combine
-from grader.exercises.kinds.rk4.mutants.program import Bench, Program, list_states
+from grader.exercises.kinds.rk4.mutants.program import Bench, StepProgram, list_states
 from grader.exercises.kinds.rk4.step_trace import Step
 
 STEPS_MAX = 1000
@@ -45,7 +45,7 @@ class Match:
         return f"Two things are wrong. First: {first} Second: {second}"
 
 
-class Comparison:
+class StepComparison:
     """Compares programs with the student's steps in several trials. `calls` is how often the first step calls
     mj_forward, with and without a call in its last state: no program with another number takes it."""
 
@@ -57,17 +57,17 @@ class Comparison:
         asks_at_end = np.array_equal(first.qpos[-2], first.qpos[-1]) and np.array_equal(first.qvel[-2], first.qvel[-1])
         self.calls = {len(states) - 1, len(states) - 1 + asks_at_end}
 
-    def may_take(self, program: Program) -> bool:
+    def may_take(self, program: StepProgram) -> bool:
         """Whether a program calls mj_forward as often as the first step does."""
         return sum(program.calls) in self.calls
 
-    def count_reached(self, program: Program) -> tuple[int, bool]:
+    def count_reached(self, program: StepProgram) -> tuple[int, bool]:
         """Returns how many states of the first step a program reaches, and whether it takes that step."""
         bench, steps = self.trials[0]
         self.steps_left -= 1
         return bench.follow(program, *steps[0])
 
-    def takes(self, program: Program, trials: int | None = None) -> bool:
+    def takes(self, program: StepProgram, trials: int | None = None) -> bool:
         """Whether a program takes every step of the first trials, of all by default."""
         for bench, steps in self.trials[:trials]:
             if not program.calls[0] and bench.model.na:
@@ -83,7 +83,7 @@ def find_match(trials: Sequence[TakenSteps], mutants: Sequence[Mutant] = MUTANTS
     """Returns the mutants that take every step of all trials; else the one that takes those of the first trial. None if
     no mutant does. Pairs begin with mutants that reach more states of the first step than the right step does; if
     there are none, with those that leave out a call."""
-    compared = Comparison(trials)
+    compared = StepComparison(trials)
     if compared.takes(RIGHT):
         return Match(())
     ahead, _ = compared.count_reached(RIGHT)
@@ -109,7 +109,7 @@ def find_match(trials: Sequence[TakenSteps], mutants: Sequence[Mutant] = MUTANTS
     return Match((singles[0],), explains_all=False) if singles and differs else None
 
 
-def list_pairs(firsts: Sequence[Mutant], seconds: Sequence[Mutant]) -> Iterator[tuple[Mutant, Mutant, Program]]:
+def list_pairs(firsts: Sequence[Mutant], seconds: Sequence[Mutant]) -> Iterator[tuple[Mutant, Mutant, StepProgram]]:
     """Yields each of the first mutants with each of the second that can be combined with it."""
     for first in firsts:
         for second in seconds:

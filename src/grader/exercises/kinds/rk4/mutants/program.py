@@ -53,7 +53,7 @@ def move_rightly(model: mujoco.MjModel, qpos: Vector, velocity: Vector, h: float
 
 
 @dataclass(frozen=True)
-class Program:
+class StepProgram:
     """A step in four stages, counted from 0, and its end. The defaults are right. `origins_*`: whether a stage, or the
     end (place 4), begins at the "start" of the step or at what stands "here" in data. `velocities`: whether the
     position of a stage moves by the velocity of the "slope", that of the "start", or its "own" new one; that of the end
@@ -107,7 +107,7 @@ class Bench:
             self.prepared[id(step)] = step, list_states(self.model, step), forward
         return self.prepared[id(step)][1:]
 
-    def follow(self, program: Program, step: Step, force: Force) -> tuple[int, bool]:
+    def follow(self, program: StepProgram, step: Step, force: Force) -> tuple[int, bool]:
         """Returns how many states of a step a program reaches, in order, and whether these are all: those in which
         mj_forward is called, and the one after the step. Calls in the same state count once."""
         model, data = self.model, self.data
@@ -167,7 +167,7 @@ def normalise(model: mujoco.MjModel, qpos: Vector) -> Vector:
     return normalised
 
 
-def take_step(program: Program, model: mujoco.MjModel, data: mujoco.MjData, call: Callable[[], None]) -> None:
+def take_step(program: StepProgram, model: mujoco.MjModel, data: mujoco.MjData, call: Callable[[], None]) -> None:
     """Advances data by one step of a program; `call()` calls mj_forward."""
     h, t = float(model.opt.timestep), float(data.time)
     q, v, a = data.qpos.copy(), data.qvel.copy(), data.act.copy()
@@ -191,7 +191,9 @@ def take_step(program: Program, model: mujoco.MjModel, data: mujoco.MjData, call
     end_step(program, model, data, slopes, (t, q, v, a))
 
 
-def end_step(program: Program, model: mujoco.MjModel, data: mujoco.MjData, slopes: Sequence[Any], start: Any) -> None:
+def end_step(
+    program: StepProgram, model: mujoco.MjModel, data: mujoco.MjData, slopes: Sequence[Any], start: Any
+) -> None:
     """Writes the end of a step into data."""
     (t, q, v, a), h = start, float(model.opt.timestep)
     by, change, rate = (

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from grader.exercises.judgement import Judgement, Results
-from grader.exercises.kinds.threshold.judging.judge import Cell, Search, judge_claim, read_claim
+from grader.exercises.kinds.threshold.judging.judge import Cell, SearchRange, judge_claim, read_claim
 from grader.numerics.integrators import BY_NAME, Integrator
 from grader.numerics.scene import Scene
 
@@ -30,7 +30,7 @@ class DescribedCell:
     rest: Scene | None
 
 
-def describe(search: Search, cell: Cell) -> dict[str, Any]:
+def describe(search: SearchRange, cell: Cell) -> dict[str, Any]:
     """Returns what judges claims about a cell, beside the inputs of its trial."""
     rest = cell.rest
     return {

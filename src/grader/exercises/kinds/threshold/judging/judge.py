@@ -29,7 +29,7 @@ NUMBER_TOLERANCE_S = 0.0005
 """A single number claims a limit within this distance [s]. Source: the lesson asks for a bisection to 0.5 ms."""
 
 
-class Search(Protocol):
+class SearchRange(Protocol):
     """What is searched: timesteps from the shortest to the longest, the horizon of a run and the widest bracket [s]."""
 
     @property
@@ -141,7 +141,7 @@ def grows(rest: Scene | None, code: int, timestep_s: float) -> bool:
     return rest is not None and compute_spectral_radius(rest, timestep_s=timestep_s, integrator=code) > 1 + RADIUS_NOISE
 
 
-def judge_claim(parameters: Search, cell: Cell, claim: Claim) -> Judgement[Claim]:
+def judge_claim(parameters: SearchRange, cell: Cell, claim: Claim) -> Judgement[Claim]:
     """Judges a claim; the message is the first fault found."""
     if isinstance(claim, Unreadable):
         why = "The function must return (h_stable, h_unstable) in seconds, one number, or None."
@@ -156,7 +156,7 @@ def judge_claim(parameters: Search, cell: Cell, claim: Claim) -> Judgement[Claim
     return Judgement(not why, why or "Certified by simulating at both ends.", claim, detail)
 
 
-def judge_none(parameters: Search, cell: Cell, claim: NoLimit) -> Judgement[Claim]:
+def judge_none(parameters: SearchRange, cell: Cell, claim: NoLimit) -> Judgement[Claim]:
     """Judges the claim that no timestep of the search is unstable. A right None counts only if a limit was found on the
     same model under another integrator that has one: otherwise a function that does nothing would earn points."""
     longest, seconds = parameters.search_s[1], parameters.horizon_s
@@ -177,7 +177,7 @@ def judge_none(parameters: Search, cell: Cell, claim: NoLimit) -> Judgement[Clai
     )
 
 
-def explain_form(parameters: Search, claim: Bracket) -> str:
+def explain_form(parameters: SearchRange, claim: Bracket) -> str:
     """Returns the fault of a bracket that is wrong for any model; empty if there is none."""
     longest, allowed = parameters.search_s[1], parameters.width_s
     if claim.width < 0:
@@ -189,7 +189,7 @@ def explain_form(parameters: Search, claim: Bracket) -> str:
     return "A timestep must be positive." if claim.high <= 0 else ""
 
 
-def explain_bracket(parameters: Search, cell: Cell, claim: Bracket) -> str:
+def explain_bracket(parameters: SearchRange, cell: Cell, claim: Bracket) -> str:
     """Returns why a bracket misses the span of right readings; simulates and linearises at most once at each end."""
     scene, code, seconds = cell.scene, cell.integrator.code, parameters.horizon_s
     shortest, longest = parameters.search_s

@@ -22,7 +22,7 @@ class Answer:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class CallComparison:
     """One call with its answer. `expected` is None where a residual decides; `why` is empty if the answer is right.
     `residual` is the size of the residual, None where none was computed."""
 
@@ -34,7 +34,7 @@ class Comparison:
     residual: float | None = None
 
 
-Comparisons = tuple[Comparison, ...]
+Comparisons = tuple[CallComparison, ...]
 
 
 def read_answer(problem: Problem, results: Results, index: int) -> Answer:
@@ -103,12 +103,12 @@ def prefix_unit(text: str) -> str:
     return f" {text}" if text else ""
 
 
-def compare(problem: Problem, call: Call, answer: Answer) -> Comparison:
+def compare(problem: Problem, call: Call, answer: Answer) -> CallComparison:
     """Compares the answer of one call with the author's program."""
     if answer.values is None:
         what = " and ".join(filter(None, (describe_returned(problem), describe_fields(problem))))
         expected = problem.compute_expected(call)
-        return Comparison(
+        return CallComparison(
             call, answer, expected, f"The function must {what} as finite numbers.", f"it gave {answer.text}."
         )
     expected = problem.compute_expected(call)
@@ -116,15 +116,15 @@ def compare(problem: Problem, call: Call, answer: Answer) -> Comparison:
     for result, got, shape in zip(problem.function.results, answer.values, shapes, strict=True):
         if got.shape != shape:  # before anything is computed: arrays of other shapes broadcast to huge or empty ones
             detail = f"{result.name} has the shape {got.shape}, not {shape}."
-            return Comparison(call, answer, expected, f"{result.name} has the wrong shape.", detail)
+            return CallComparison(call, answer, expected, f"{result.name} has the wrong shape.", detail)
     if expected is None:
         return compare_residual(problem, call, answer, answer.values)
     for result, got, right in zip(problem.function.results, answer.values, expected, strict=True):
         if not fits(result, got, right):
             off = f"{result.name} is off by {find_largest(got - right):.3g}{prefix_unit(result.unit)}"
             detail = f"{off}; {compute_tolerance(result, right):.2g}{prefix_unit(result.unit)} is allowed."
-            return Comparison(call, answer, expected, f"{result.name} is wrong.", detail)
-    return Comparison(call, answer, expected, "")
+            return CallComparison(call, answer, expected, f"{result.name} is wrong.", detail)
+    return CallComparison(call, answer, expected, "")
 
 
 def describe_returned(problem: Problem) -> str:
@@ -139,7 +139,7 @@ def describe_fields(problem: Problem) -> str:
     return f"leave {', '.join(names)}" if names else ""
 
 
-def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple[Rows, ...]) -> Comparison:
+def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple[Rows, ...]) -> CallComparison:
     """Judges by the author's residual. Results for which it cannot be computed are wrong."""
     residual = problem.function.residual
     assert residual is not None
@@ -150,12 +150,12 @@ def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple
     except Exception as error:  # the author's own function, over results that it does not foresee
         how = "does not end for them in time" if isinstance(error, RanTooLong) else "cannot be computed for them"
         why = f"Your results do not satisfy the exercise's own equation: {residual.function} {how}."
-        return Comparison(call, answer, None, why, f"{type(error).__name__}: {error}.")
+        return CallComparison(call, answer, None, why, f"{type(error).__name__}: {error}.")
     if size <= residual.atol:
-        return Comparison(call, answer, None, "", residual=size)
+        return CallComparison(call, answer, None, "", residual=size)
     detail = f"it is {size:.3g}{prefix_unit(residual.unit)}; {residual.atol:g}{prefix_unit(residual.unit)} is allowed."
     why = f"Your results do not satisfy the exercise's own equation: {residual.function} should be 0 for them."
-    return Comparison(call, answer, None, why, detail, size)
+    return CallComparison(call, answer, None, why, detail, size)
 
 
 def compute_residual(problem: Problem, call: Call, values: tuple[Rows, ...]) -> float:
