@@ -60,7 +60,7 @@ function drawStrip(strip, box) {
   for (const line of strip.lines) parts.push(...reference(line, up, box));
   const inside = svg("svg", { x: box.left, y: box.top - 2, width: box.right - box.left, height: box.bottom - box.top + 4 });
   inside.setAttribute("viewBox", `${box.left} ${box.top - 2} ${box.right - box.left} ${box.bottom - box.top + 4}`);
-  for (const one of strip.ghost) inside.append(svg("path", { class: "ghost", d: pathOf(one, box, up, Infinity) }));
+  for (const series of strip.ghost) inside.append(svg("path", { class: "ghost", d: pathOf(series, box, up, Infinity) }));
   const groups = together(strip.series, scale);
   for (const [first] of groups) inside.append(svg("path", { class: `line ${first.className}`, "stroke-dasharray": dashOf(first), d: pathOf(first, box, up, box.cut) }));
   return [...parts, inside, ...names(groups, box, up)];
@@ -90,10 +90,10 @@ const dashOf = ({ dash }) => (Array.isArray(dash) ? dash.join(" ") : dash ? "6 4
 // The series in groups of which nobody could tell the lines apart.
 function together(series, scale) {
   const groups = [];
-  for (const one of series) {
-    const group = groups.find(([first]) => coincide(first, one, scale));
-    if (group) group.push(one);
-    else groups.push([one]);
+  for (const line of series) {
+    const group = groups.find(([first]) => coincide(first, line, scale));
+    if (group) group.push(line);
+    else groups.push([line]);
   }
   return groups;
 }
@@ -111,14 +111,14 @@ function names(groups, box, up) {
   const placed = [];
   const right = Math.min(box.right, box.across(box.cut) || box.right) - 6;
   for (const group of groups) {
-    const [first] = group, named = group.map((one) => one.label).filter(Boolean);
+    const [first] = group, named = group.map((line) => line.label).filter(Boolean);
     const last = first.values.findLastIndex((value, i) => value !== null && Number.isFinite(up(value)) && first.times[i] <= box.end && first.times[i] <= box.cut);
     if (!named.length || last < 0 || right < box.left + 7 * named.join(" = ").length) continue;
     const at = Math.min(box.bottom - 5, Math.max(box.top + 12, up(first.values[last]) - 6));
     placed.push({ at, text: named.length > 1 ? `${named.join(" = ")} here` : named[0], className: first.className });
   }
   placed.sort((a, b) => a.at - b.at);
-  placed.forEach((one, i) => { if (i) one.at = Math.max(one.at, placed[i - 1].at + NAME); });
+  placed.forEach((name, i) => { if (i) name.at = Math.max(name.at, placed[i - 1].at + NAME); });
   const over = placed.length ? Math.max(0, placed.at(-1).at - box.bottom + 5) : 0;
   return placed.map(({ at, text, className }) => svg("text", { class: `name halo ${className}`, x: right, y: at - over, "text-anchor": "end" }, text));
 }

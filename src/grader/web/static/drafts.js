@@ -30,19 +30,19 @@ export class Drafts {
 
   // The values of the answer's fields, by name: of boxes and radio buttons the checked ones.
   valueOf(form) {
-    return grouped(controls(form).filter((one) => !isBox(one) || one.checked).map((one) => [one.name, one.value]));
+    return grouped(controls(form).filter((control) => !isBox(control) || control.checked).map(({ name, value }) => [name, value]));
   }
 
   // The answer that the server has rendered.
   given(form) {
-    return grouped(controls(form).filter((one) => !isBox(one) || one.defaultChecked).map((one) => [one.name, defaultOf(one)]));
+    return grouped(controls(form).filter((control) => !isBox(control) || control.defaultChecked).map((control) => [control.name, defaultOf(control)]));
   }
 
   put(form, fields) {
     const left = new Map(Object.entries(fields).map(([name, values]) => [name, [...values]]));
-    for (const one of controls(form)) {
-      if (isBox(one)) one.checked = fields[one.name]?.includes(one.value) ?? false;
-      else { one.value = left.get(one.name)?.shift() ?? ""; one.dispatchEvent(new Event("change")); }
+    for (const control of controls(form)) {
+      if (isBox(control)) control.checked = fields[control.name]?.includes(control.value) ?? false;
+      else { control.value = left.get(control.name)?.shift() ?? ""; control.dispatchEvent(new Event("change")); }
     }
   }
 
@@ -116,13 +116,13 @@ function grouped(pairs) {
   return fields;
 }
 
-const controls = (form) => Array.from(form.elements).filter((one) => ANSWER.test(one.name ?? "") && one.type !== "file"); // no script may choose a file
-const isBox = (one) => one.type === "radio" || one.type === "checkbox";
+const controls = (form) => Array.from(form.elements).filter((control) => ANSWER.test(control.name ?? "") && control.type !== "file"); // no script may choose a file
+const isBox = (control) => control.type === "radio" || control.type === "checkbox";
 
 // The value of a control when the page was loaded; of a list, that of its selected option.
-function defaultOf(one) {
-  if (one.tagName !== "SELECT") return one.defaultValue;
-  return (Array.from(one.options).find((option) => option.defaultSelected) ?? one.options[0])?.value ?? "";
+function defaultOf(control) {
+  if (control.tagName !== "SELECT") return control.defaultValue;
+  return (Array.from(control.options).find((option) => option.defaultSelected) ?? control.options[0])?.value ?? "";
 }
 
 function note(form, sentence) {

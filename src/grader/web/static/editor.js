@@ -59,7 +59,7 @@ const say = StateEffect.define(); // { line, text }, or null
 const said = StateField.define({
   create: () => Decoration.none,
   update(marks, change) {
-    const effect = change.effects.find((one) => one.is(say));
+    const effect = change.effects.find((effect) => effect.is(say));
     if (!effect) return marks.map(change.changes);
     const { line: number, text } = effect.value ?? {};
     if (!number || number > change.state.doc.lines) return Decoration.none;
@@ -76,7 +76,7 @@ const said = StateField.define({
 const leave = StateEffect.define();
 const isLeaving = StateField.define({
   create: () => false,
-  update: (value, change) => change.effects.some((one) => one.is(leave)) || (value && !change.docChanged && !change.selection),
+  update: (value, change) => change.effects.some((effect) => effect.is(leave)) || (value && !change.docChanged && !change.selection),
 });
 const unlessLeaving = (command) => (view) => !view.state.field(isLeaving) && command(view);
 
@@ -101,7 +101,7 @@ export function openEditor(area) {
       EditorView.contentAttributes.of({
         "aria-label": `${area.labels[0].textContent.trim()}, code`, "aria-description": LEAVING, tabindex: "0", spellcheck: "false", autocapitalize: "off", autocorrect: "off",
       }),
-      EditorView.updateListener.of((update) => { if (update.docChanged && !update.transactions.some((one) => one.isUserEvent(FROM_PAGE))) write(); }),
+      EditorView.updateListener.of((update) => { if (update.docChanged && !update.transactions.some((change) => change.isUserEvent(FROM_PAGE))) write(); }),
     ],
   });
 

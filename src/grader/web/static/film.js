@@ -34,15 +34,15 @@ export async function openFilm(box) {
 
 class Films {
   constructor(box, films) {
-    const one = (selector) => box.querySelector(selector);
-    Object.assign(this, { films, runs: one(".runs"), picture: one(".strips"), message: one("[data-message]") });
+    const find = (selector) => box.querySelector(selector);
+    Object.assign(this, { films, runs: find(".runs"), picture: find(".strips"), message: find("[data-message]") });
     this.turning = new Turning(this.runs, () => this.draw());
     this.player = new Player(box, () => this.draw());
-    const choice = one("[data-choice]");
+    const choice = find("[data-choice]");
     choice?.replaceChildren(...films.map(({ name, title }) => el("option", { value: name }, title)));
     choice?.toggleAttribute("disabled", films.length < 2);
     choice?.addEventListener("change", () => { this.show(films.find(({ name }) => name === choice.value)); this.player.restart(); });
-    this.listenToTimestep(one("[data-timestep]"), one("[data-chosen]"), box.dataset.film);
+    this.listenToTimestep(find("[data-timestep]"), find("[data-chosen]"), box.dataset.film);
     this.picture?.addEventListener("pointerdown", (event) => { this.picture.setPointerCapture(event.pointerId); this.seek(event); });
     this.picture?.addEventListener("pointermove", (event) => { if (event.buttons) this.seek(event); });
     watchLooks(this.runs, () => { this.drawDistance(); this.draw(); });

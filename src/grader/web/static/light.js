@@ -168,7 +168,7 @@ export class Light {
     };
     const isThick = ([geom]) => (geom.rgba[3] ?? 1) >= 1, data = new Float32Array(STRIDE * (solids.length + ghosts.length));
     const some = solids.filter(isThick), thick = this.gather(some, data, 0, detail);
-    const thin = this.gather(solids.filter((one) => !isThick(one)), data, some.length, detail), pale = this.gather(ghosts, data, solids.length, detail);
+    const thin = this.gather(solids.filter((solid) => !isThick(solid)), data, some.length, detail), pale = this.gather(ghosts, data, solids.length, detail);
     const all = { camera, light, eye, sun, ink, ghost: [0, 0, 0, 0], texel: (2 * around.radius) / MAP, dark: ink[0] > 0.5 ? 1 : 0 };
     gl.bindBuffer(gl.ARRAY_BUFFER, this.instances);
     gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);

@@ -138,7 +138,7 @@ async function send(form, submitter) {
 
 async function pageOf(response) {
   const page = new DOMParser().parseFromString(await response.text(), "text/html");
-  page.querySelectorAll("[autofocus]").forEach((one) => one.removeAttribute("autofocus")); // for pages without scripts
+  page.querySelectorAll("[autofocus]").forEach((field) => field.removeAttribute("autofocus")); // for pages without scripts
   localise(page);
   return page;
 }
@@ -160,7 +160,7 @@ function take(page, form, sent, wasTaken) {
     const now = document.getElementById(card.id);
     for (const box of now.querySelectorAll(LABS)) watch(box);
     const wanted = wasTaken ? ["[data-said]"] : ["[aria-invalid]", "[name=answer], [name^='answer.']"];
-    const said = wanted.map((one) => now.querySelector(one)).find(Boolean);
+    const said = wanted.map((selector) => now.querySelector(selector)).find(Boolean);
     if (isNewer) { // typing goes on
       drafts.put(fresh, typed);
       drafts.keep(fresh);

@@ -11,7 +11,7 @@ const FLOOR = 2; // how much of an endless plane is drawn [m]
 // solids and floors: lists of [geom, pose].
 export function paint(pen, view, { solids, floors, hasShadows }) {
   for (const [geom, pose] of floors) grid(pen, geom, pose);
-  if (hasShadows) for (const [, pose] of floors) for (const one of solids) shadow(pen, pose, one);
+  if (hasShadows) for (const [, pose] of floors) for (const solid of solids) shadow(pen, pose, solid);
   const deep = solids.map(([geom, pose]) => ({ geom, pose, depth: view.see(pose)[2] })).sort((a, b) => b.depth - a.depth);
   for (const { geom, pose } of deep) solid(pen, view, geom, pose);
 }

@@ -15,7 +15,7 @@ export class Player {
     this.speeds = [...box.querySelectorAll(".speeds input")];
     this.button.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
     this.slider.addEventListener("input", () => this.seek(this.times[this.slider.value]));
-    for (const one of this.speeds) one.addEventListener("change", () => { this.chosen = true; if (this.playing) this.play(); });
+    for (const speed of this.speeds) speed.addEventListener("change", () => { this.chosen = true; if (this.playing) this.play(); });
     for (const node of [this.button, this.slider, ...this.speeds]) node.disabled = false;
     new IntersectionObserver(([entry]) => this.noticed(entry.isIntersecting), { threshold: 0.5 }).observe(box.querySelector("[data-stage]"));
   }
@@ -25,7 +25,7 @@ export class Player {
   }
 
   get speed() {
-    return Number(this.speeds.find((one) => one.checked).value);
+    return Number(this.speeds.find((speed) => speed.checked).value);
   }
 
   // Another run, which is shown up to `end` [s], from `from` [s] on.
@@ -33,7 +33,7 @@ export class Player {
     this.times = times;
     this.last = this.frameAt(end);
     this.slider.max = this.last;
-    if (!this.chosen) for (const one of this.speeds) one.checked = one.value === (end < SHORT_S ? SLOW : "1");
+    if (!this.chosen) for (const speed of this.speeds) speed.checked = speed.value === (end < SHORT_S ? SLOW : "1");
     this.show(Math.min(this.last, this.frameAt(from)));
     if (this.playing) this.play();
     else this.start();

@@ -53,7 +53,7 @@ export class Scene {
     const isLit = this.light(pen, view, solids, ghost ? this.split(ghost)[0] : [], floors, hasShadows);
     if (!isLit) paint(pen, view, { solids, floors, hasShadows: shown.has("shadows") });
     for (let i = 1; i < trail.length; i++) pen.line(trail[i - 1], trail[i], `rgba(${TRAIL}, ${0.15 + (0.7 * i) / trail.length})`, 1.5);
-    for (const one of past) paintGhost(pen, view, this.geoms, one);
+    for (const before of past) paintGhost(pen, view, this.geoms, before);
     if (ghost && !isLit) paintGhost(pen, view, this.geoms, ghost);
     drawOverlays(pen, over, shown, forceScale, this.camera.distance);
     if (pull) {
@@ -66,7 +66,7 @@ export class Scene {
   split(poses) {
     const there = this.geoms.map((geom, index) => [geom, poses[index]]).filter(([, pose]) => pose && !pose.includes(null));
     const isFloor = ([geom]) => geom.type === "plane";
-    return [there.filter((one) => !isFloor(one)), there.filter(isFloor)];
+    return [there.filter((pair) => !isFloor(pair)), there.filter(isFloor)];
   }
 
   // Whether the GPU has drawn it.
