@@ -144,10 +144,10 @@ def pytest_collection_finish() -> None:
 
 def by_file(items: list[pytest.Item]) -> dict[Path, list[pytest.Item]]:
     """The tests of each file."""
-    found: dict[Path, list[pytest.Item]] = {}
+    by_path: dict[Path, list[pytest.Item]] = {}
     for item in items:
-        found.setdefault(item.path, []).append(item)
-    return found
+        by_path.setdefault(item.path, []).append(item)
+    return by_path
 
 
 def marks_of(item: pytest.Function) -> set[str]:
@@ -155,10 +155,10 @@ def marks_of(item: pytest.Function) -> set[str]:
     fixtures = (one.func for several in item._fixtureinfo.name2fixturedefs.values() for one in several)
     named = all_uses((item.function, *fixtures))
     parameters = item.callspec.params.values() if hasattr(item, "callspec") else ()
-    found = {MARKS[name] for name in named & MARKS.keys()} | {
+    marks = {MARKS[name] for name in named & MARKS.keys()} | {
         "postgres" for parameter in parameters if parameter == "postgresql"
     }
-    return found | ({"slow"} if is_hypothesis_test(item.function) else set())
+    return marks | ({"slow"} if is_hypothesis_test(item.function) else set())
 
 
 @cache
@@ -170,7 +170,7 @@ def all_uses(functions: tuple[Any, ...]) -> frozenset[str]:
 @cache
 def uses(function: Any) -> frozenset[str]:
     """The global names and attributes in the code of a function and of the tests' own functions that it calls."""
-    found, due, seen = set[str](), [function], set[CodeType]()
+    used, due, seen = set[str](), [function], set[CodeType]()
     while due:
         one = inspect.unwrap(due.pop())
         if isinstance(one, FunctionType) and one.__code__ not in seen and one.__code__.co_filename.startswith(HERE):
@@ -180,5 +180,5 @@ def uses(function: Any) -> frozenset[str]:
             modules = [value for name in names if isinstance(value := one.__globals__.get(name), ModuleType)]
             scopes = [one.__globals__, *(vars(m) for m in modules if str(getattr(m, "__file__", "")).startswith(HERE))]
             due += [scope[name] for scope in scopes for name in names if callable(scope.get(name))]
-            found |= names
-    return frozenset(found)
+            used |= names
+    return frozenset(used)

@@ -168,8 +168,8 @@ def test_no_reader_tells_what_the_content_says_where_the_course_has_set_it(site:
     sources = {f"{API}/quizzes/7.1-ruled/policy", "/instructor/dates", "/instructor/dates?quiz=7.1-ruled"}
     for role, texts in after.items():
         assert texts.keys() == before[role].keys()
-        found = {at: hit[0] for at, text in texts.items() if at not in sources and (hit := OF_THE_CONTENT.search(text))}
-        assert not found, f"{role} is told what the content says"
+        leaks = {at: hit[0] for at, text in texts.items() if at not in sources and (hit := OF_THE_CONTENT.search(text))}
+        assert not leaks, f"{role} is told what the content says"
         told = {address for address, text in texts.items() if "2181" in text or "latest" in text}
         assert telling & texts.keys() <= told | sources
 

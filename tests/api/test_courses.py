@@ -55,8 +55,8 @@ def test_no_id_of_another_course_is_of_use(shared_site: Site) -> None:
     lists = ("submissions", "members", "tokens", "webhooks", "regrades", "reviews")
 
     def held() -> list[list[dict[str, object]]]:
-        found = [teacher.get(f"{API}/{one}").json()["items"] for one in lists]
-        return [[{**item, "last_used_at": None} for item in items] for items in found]
+        pages = [teacher.get(f"{API}/{one}").json()["items"] for one in lists]
+        return [[{**item, "last_used_at": None} for item in items] for items in pages]
 
     before = held()
     ids = {str(items[0]["id"]) for items in before}

@@ -85,8 +85,8 @@ def teacher(site: Site) -> httpx.Client:
 def films(client: httpx.Client, location: str) -> list[dict[str, Any]]:
     response = client.get(f"{location}/films")
     assert response.status_code == 200, response.text
-    found: list[dict[str, Any]] = response.json()["films"]
-    return found
+    recorded: list[dict[str, Any]] = response.json()["films"]
+    return recorded
 
 
 def test_a_claim_is_let_go_at_both_ends(ann: httpx.Client, handed: dict[tuple[str, str], str]) -> None:

@@ -36,12 +36,12 @@ def samples(response: httpx.Response) -> dict[str, float]:
     """Every sample by its name and labels, as `name{a=1,b=2}`."""
     assert response.status_code == 200, response.text
     assert response.headers["content-type"].startswith("text/plain; version=")
-    found = {}
+    values = {}
     for family in text_string_to_metric_families(response.text):
         for sample in family.samples:
             labels = ",".join(f"{name}={value}" for name, value in sorted(sample.labels.items()))
-            found[f"{sample.name}{{{labels}}}" if labels else sample.name] = sample.value
-    return found
+            values[f"{sample.name}{{{labels}}}" if labels else sample.name] = sample.value
+    return values
 
 
 @pytest.mark.usefixtures("readiness")

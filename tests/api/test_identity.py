@@ -41,8 +41,8 @@ def signed_in_as(site: Site, name: str) -> httpx.Client:
 
 
 def items(client: httpx.Client, **query: str) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = client.get(f"{API}/submissions", params=query).json()["items"]
-    return found
+    items: list[dict[str, Any]] = client.get(f"{API}/submissions", params=query).json()["items"]
+    return items
 
 
 def test_two_learners_of_one_name_do_not_see_each_other(either_site: Site) -> None:

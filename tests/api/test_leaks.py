@@ -198,12 +198,12 @@ def documents(site: Site, client: httpx.Client, quiz: str, made: list[str]) -> d
     names = {own: f"submission-{n}" for n, own in enumerate(made)} | {
         own[-8:]: f"tag-{n}" for n, own in enumerate(made)
     }
-    found = {}
+    by_path = {}
     for path in get_paths(site, quiz, made):
         response = client.get(path)
         told = response.text + response.headers.get("etag", "")
-        found[normal(path, names)] = (response.status_code, normal(told, names))
-    return found
+        by_path[normal(path, names)] = (response.status_code, normal(told, names))
+    return by_path
 
 
 def a_session(site: Site, course: str) -> str:

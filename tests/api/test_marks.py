@@ -285,9 +285,9 @@ def test_a_second_reviewer_marks_blind_and_a_third_decision_settles(site: Site) 
     assert decide(tess, made, "review/second", points=1).status_code == 409
     after = ann.get(f"{API}/submissions/{made}")
     assert (after.content, after.headers["etag"]) == (before.content, before.headers["etag"])
-    (found,) = listed(tess, "/reviews/disagreements")
-    assert (found["first"], found["second"]["points"]) == ({"by": "tina", "points": 3}, 1)
-    assert (found["second"]["comment"], found["user"] == "ann") == ("SECOND", False)
+    (disagreement,) = listed(tess, "/reviews/disagreements")
+    assert (disagreement["first"], disagreement["second"]["points"]) == ({"by": "tina", "points": 3}, 1)
+    assert (disagreement["second"]["comment"], disagreement["user"] == "ann") == ("SECOND", False)
     assert points_of(ann, made) == (3, 2)  # the first mark counts meanwhile
     assert decide(tess, made, points=2).status_code == 200
     assert listed(tess, "/reviews/disagreements") == []

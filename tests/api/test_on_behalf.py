@@ -22,8 +22,8 @@ def hand_in(
 
 
 def members(site: Site) -> list[dict[str, Any]]:
-    found = site.client("tina", "instructor").get(f"{API}/members").json()["items"]
-    return [one for one in found if one["way_in"] == "lms"]
+    members = site.client("tina", "instructor").get(f"{API}/members").json()["items"]
+    return [one for one in members if one["way_in"] == "lms"]
 
 
 def feed(client: httpx.Client) -> list[dict[str, Any]]:

@@ -119,16 +119,16 @@ health: show_health show_readiness show_metrics
 
 
 def test_operations_have_short_ids_that_stay_and_one_tag_each(document: dict[str, Any]) -> None:
-    found: dict[str, list[str]] = {}
+    by_tag: dict[str, list[str]] = {}
     for _, _, operation in openapi.operations(document):
         [tag] = operation["tags"]
-        found.setdefault(tag, []).append(operation["operationId"])
+        by_tag.setdefault(tag, []).append(operation["operationId"])
     pinned = {
         words[0].removesuffix(":"): words[1:]
         for words in (block.split() for block in re.split(r"\n(?! )", OPERATIONS.strip()))
     }
-    assert {tag: sorted(ids) for tag, ids in found.items()} == {tag: sorted(ids) for tag, ids in pinned.items()}
-    ids = [one for some in found.values() for one in some]
+    assert {tag: sorted(ids) for tag, ids in by_tag.items()} == {tag: sorted(ids) for tag, ids in pinned.items()}
+    ids = [one for some in by_tag.values() for one in some]
     assert len(set(ids)) == len(ids)
     assert [tag["name"] for tag in document["tags"]] == [*pinned]
     assert all(tag["description"] for tag in document["tags"])

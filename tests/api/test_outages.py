@@ -61,9 +61,9 @@ def test_a_lost_postgresql_is_503_until_it_is_back(cabled: Cabled, capsys: pytes
     for response in (ann.post(f"{API}/submissions", json=ANSWER), ann.get(f"{API}/quizzes/small"), ann.get("/healthz")):
         if response.request.url.path != "/healthz":
             assert "postgres" not in str(refused(response))
-    told = capsys.readouterr().err
-    assert [line["why"] for line in lines_of(told) if line.get("status") == 503] == ["database: OperationalError"] * 2
-    assert len(told.splitlines()) == 3, told
+    log = capsys.readouterr().err
+    assert [line["why"] for line in lines_of(log) if line.get("status") == 503] == ["database: OperationalError"] * 2
+    assert len(log.splitlines()) == 3, log
     cable.mend()
     assert ann.post(f"{API}/submissions", json=ANSWER).status_code == 201
     assert len(ann.get(f"{API}/submissions").json()["items"]) == 2

@@ -37,8 +37,8 @@ def teacher(either_site: Site) -> httpx.Client:
 
 
 def items(client: httpx.Client, path: str) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = client.get(API + path).json()["items"]
-    return found
+    items: list[dict[str, Any]] = client.get(API + path).json()["items"]
+    return items
 
 
 def invite(teacher: httpx.Client, **body: Any) -> list[dict[str, Any]]:
@@ -394,8 +394,8 @@ def test_a_name_has_nothing_invisible(name: str) -> None:
 @pytest.mark.parametrize("name_in", [launch.read_name, openid.read_name])
 def test_a_name_that_another_system_sends_is_cleaned(name_in: Callable[[dict[str, str]], str]) -> None:
     """Refusing it would lock its bearer out."""
-    found = name_in({"name": "A\u034fnn\u3164 \u202eLee\u200b"})
-    assert check_name("learner", found) == found == "Ann Lee"
+    name = name_in({"name": "A\u034fnn\u3164 \u202eLee\u200b"})
+    assert check_name("learner", name) == name == "Ann Lee"
 
 
 def test_the_command_line_says_who_is_new(tmp_path: Path) -> None:

@@ -160,9 +160,9 @@ def test_the_server_as_a_program(content: Path, tmp_path: Path) -> None:
                 assert ann.get(f"{API}/quizzes/small").json()["title"] == "After the signal"
         finally:
             server.terminate()
-        _, told = server.communicate(timeout=30)
-    assert "content refused; the old one stays" in told
-    assert token.split("_")[2] not in told
+        _, log = server.communicate(timeout=30)
+    assert "content refused; the old one stays" in log
+    assert token.split("_")[2] not in log
 
 
 @pytest.mark.parametrize("database", ["sqlite", "postgresql"])

@@ -59,8 +59,8 @@ def test_a_wrong_key_is_corrected_over_http(site: Site, content: Path) -> None:
     work(site)
     tried = teacher.get(started.headers["location"]).json()
     assert (tried["status"], tried["progress"]["outcomes"]) == ("done", {"changed": 2})
-    found = {item["user"]: (item["before"], item["after"], item["difference"]) for item in tried["items"]}
-    assert found == {"ann": (0, 1, 1), "bob": (1, 0, -1)}
+    changes = {item["user"]: (item["before"], item["after"], item["difference"]) for item in tried["items"]}
+    assert changes == {"ann": (0, 1, 1), "bob": (1, 0, -1)}
     ann = site.client("ann")
     before = ann.get(f"{API}/submissions/{made}")
     assert before.json()["verdict"]["status"] == "incorrect"

@@ -97,8 +97,8 @@ ROUTES = {
 @pytest.mark.parametrize("path", ROUTES)
 def test_who_may_fetch_what(site: Site, path: str) -> None:
     assert site.anonymous().get(API + path).status_code == 401
-    found = {role: site.client(role, role).get(API + path).status_code for role in ROUTES[path]}
-    assert found == ROUTES[path]
+    statuses = {role: site.client(role, role).get(API + path).status_code for role in ROUTES[path]}
+    assert statuses == ROUTES[path]
 
 
 def test_the_gradebook_has_a_row_for_each_learner_and_none_for_instructors(either_site: Site) -> None:
@@ -153,9 +153,9 @@ def test_statistics_count_options_wrong_numbers_and_mistakes(either_site: Site) 
         hand_in(learner, "q1", option)
         hand_in(learner, "q1", 1)
         hand_in(learner, "q2", number)
-    found = tina.get(f"{API}/quizzes/small/statistics").json()
-    first, second = found["questions"]
-    assert (found["learners"], first["question"], second["question"]) == (4, "q1", "q2")
+    statistics = tina.get(f"{API}/quizzes/small/statistics").json()
+    first, second = statistics["questions"]
+    assert (statistics["learners"], first["question"], second["question"]) == (4, "q1", "q2")
     assert (first["difficulty"]["value"], first["right_at_once"]["value"]) == (1.0, 0.25)
     assert first["options"] == [{"option": n, "learners": k} for n, k in ((0, 2), (1, 1), (2, 1))]
     assert [(cluster["value"], cluster["learners"]) for cluster in second["clusters"]] == [(5000.0, 2)]

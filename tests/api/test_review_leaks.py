@@ -49,14 +49,14 @@ def shared(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 def documents(site: Site, client: httpx.Client, quiz: str, made: list[str]) -> dict[str, tuple[int, str]]:
     """Everything that the learner can fetch, streams also from after the first event on, with ETags."""
-    found = {}
+    by_path = {}
     streams = [f"{API}/submissions/{one}/events" for one in made]
     requests: list[tuple[str, dict[str, str]]] = [(path, {}) for path in get_paths(site, quiz, made)]
     for path, headers in [*requests, *((path, {"Last-Event-ID": "1"}) for path in streams)]:
         response = client.get(path, headers={**headers, "X-Request-ID": "the-same-in-all"})
         told = response.text + response.headers.get("etag", "")
-        found[f"{path} {headers}"] = (response.status_code, told)
-    return found
+        by_path[f"{path} {headers}"] = (response.status_code, told)
+    return by_path
 
 
 def mark(site: Site, submission_id: str, deeds: list[tuple[str, Any]]) -> None:

@@ -90,8 +90,8 @@ def assignments(tree: ast.AST) -> Iterator[str]:
 @pytest.mark.slow
 def test_one_function_changes_roles() -> None:
     sources = Path(grader.__file__).parent.rglob("*.py")
-    found = [name for source in sources for name in assignments(ast.parse(source.read_text(encoding="utf-8")))]
-    assert found == [members.give_role.__name__]
+    changing = [name for source in sources for name in assignments(ast.parse(source.read_text(encoding="utf-8")))]
+    assert changing == [members.give_role.__name__]
 
 
 def test_whoever_loses_a_role_loses_everything_at_once(either_site: Site, tina: httpx.Client) -> None:

@@ -46,17 +46,17 @@ def test_a_roster_makes_members_and_the_same_again_changes_nothing(tina: httpx.C
     assert send(tina, ROSTER, dry_run=True).json() == {**COUNTS, "dry_run": True, "created": 4}
     assert members(tina).keys() == {"tina"}
     assert send(tina, ROSTER).json() == {**COUNTS, "created": 4}
-    found = members(tina)
-    ada = found["Ada Lovelace"]
+    roster = members(tina)
+    ada = roster["Ada Lovelace"]
     assert (ada["email"], ada["role"], ada["learner"]) == (
         "ada@school.example", "student", {"namespace": "school", "id": "s1"},
     )  # fmt: skip
-    assert found["Grace Hopper"]["role"] == "instructor"
+    assert roster["Grace Hopper"]["role"] == "instructor"
     assert send(tina, ROSTER).json() == {**COUNTS, "unchanged": 4}
-    assert members(tina) == found
+    assert members(tina) == roster
     changed = ROSTER.replace("Bob,,student", "Bob B.,bob@school.example,instructor")
     assert send(tina, changed).json() == {**COUNTS, "changed": 1, "unchanged": 3}
-    assert members(tina)["Bob B."]["id"] == found["Bob"]["id"]
+    assert members(tina)["Bob B."]["id"] == roster["Bob"]["id"]
     actions = [(item["action"], item["detail"]) for item in tina.get(f"{API}/audit").json()["items"]]
     assert ("roster imported", {**COUNTS, "changed": 1, "unchanged": 3}) in actions
     assert "ada@school.example" not in str(actions)

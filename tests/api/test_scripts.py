@@ -263,10 +263,10 @@ def test_logs_hold_neither_sources_nor_tokens(
     monkeypatch.setattr("grader.courses.answering.intake.jobs.put", broken)
     ann = idle.client("ann")
     hand_in(ann, "source_that_nobody_may_log = 1\n")
-    told = "".join(capsys.readouterr())
-    assert "RuntimeError: broken" in told
-    assert "source_that_nobody_may_log" not in told
-    assert ann.headers["Authorization"].split("_")[2] not in told
+    log = "".join(capsys.readouterr())
+    assert "RuntimeError: broken" in log
+    assert "source_that_nobody_may_log" not in log
+    assert ann.headers["Authorization"].split("_")[2] not in log
 
 
 def test_the_database_is_where_the_settings_say(idle: Site) -> None:

@@ -184,8 +184,8 @@ def database_of(site: Site) -> Database:
 
 
 def words_in(text: str | bytes) -> set[str]:
-    found = WORD.findall(text if isinstance(text, str) else text.decode("latin-1"))
-    return {word.lower() for word in found}
+    words = WORD.findall(text if isinstance(text, str) else text.decode("latin-1"))
+    return {word.lower() for word in words}
 
 
 def words_by_table(site: Site) -> dict[str, set[str]]:

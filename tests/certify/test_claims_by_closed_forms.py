@@ -279,8 +279,8 @@ def test_what_was_decided_before_a_reset_is_true_of_the_run_and_not_of_the_motio
     # Source: the spring bounds the motion by START = 0.1; the run at h w = 2.5 has grown beyond 0.15 before the reset.
     claims = [{"expr": "Math.abs(data.qpos[0]) > 0.15", "when": "ever"},
               {"expr": "Math.abs(data.qpos[0]) <= 0.15", "when": "always"}]  # fmt: skip
-    found = [certify(outcome(EXPLODES, claims, answer, seconds=60, timestep=timestep)) for answer in (0, 1)]
-    assert [certificate.verdict for certificate in found] == verdicts
+    certificates = [certify(outcome(EXPLODES, claims, answer, seconds=60, timestep=timestep)) for answer in (0, 1)]
+    assert [certificate.verdict for certificate in certificates] == verdicts
 
 
 @pytest.mark.parametrize("timestep", ["both", "any", "given"])

@@ -70,8 +70,8 @@ complete = [one.__name__ for one in ResponseBody.__subclasses__() if one.__pydan
 print(json.dumps({"unneeded": sorted(unneeded & sys.modules.keys()), "complete": complete, "built": built}))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    found: dict[str, list[str]] = json.loads(done.stdout)
-    return found
+    modules: dict[str, list[str]] = json.loads(done.stdout)
+    return modules
 
 
 def test_a_server_imports_what_it_needs(started: dict[str, list[str]]) -> None:
@@ -89,8 +89,8 @@ def test_a_server_starts_with_no_route_built(started: dict[str, list[str]]) -> N
 def test_a_command_is_built_without_the_others_and_any_other_argument_has_all() -> None:
     every = get_group(cli).commands
     for name, command in every.items():
-        found = get_group(find_commands([name, "--help"])).commands[name]
-        assert (found.help, [param.opts for param in found.params]) == (
+        built = get_group(find_commands([name, "--help"])).commands[name]
+        assert (built.help, [param.opts for param in built.params]) == (
             command.help,
             [param.opts for param in command.params],
         )

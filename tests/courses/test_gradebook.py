@@ -74,12 +74,12 @@ def test_moodle_gets_columns_to_map_by_hand() -> None:
 
 @given(st.lists(learners, max_size=4))
 def test_what_was_written_is_read_back(rows: list[LearnerRow]) -> None:
-    header, *found = lines(rows)
+    header, *written = lines(rows)
     keys = [tuple(name.split("/")) for name in header[3:-2]]
     assert keys == IDS
     back = [
         ([unguard(cell) for cell in cells[:3]], {k: float(c) for k, c in zip(IDS, cells[3:-2], strict=True) if c})
-        for cells in found
+        for cells in written
     ]
     assert back == [([row.user, row.id, row.email], row.points) for row in rows]
     learner = {
@@ -161,8 +161,8 @@ class Canvas:
         if numbered and int(numbered[2]) in self.assignments:
             return int(numbered[2])
         title = numbered[1] if numbered else heading
-        found = [number for number, (name, _) in self.assignments.items() if name == heading]
-        made = found[0] if found else -len(self.assignments) - 1
+        matching = [number for number, (name, _) in self.assignments.items() if name == heading]
+        made = matching[0] if matching else -len(self.assignments) - 1
         self.assignments.setdefault(made, (title, None))
         return made
 
@@ -233,13 +233,13 @@ def moodle(text: str, mapped_by: str, users: dict[str, int], mapping: dict[str, 
     """
     header, *rows = list(csv.reader(io.StringIO(text.removeprefix("\ufeff"), newline=""), strict=True))
     header = [cell.strip() for cell in header]
-    found: dict[tuple[int, int], float] = {}
+    grades: dict[tuple[int, int], float] = {}
     for row in rows:
         user = users[row[header.index(mapped_by)]]
         for title, item in mapping.items():
             if (cell := row[header.index(title)].strip()) not in ("", "-"):
-                found[user, item] = float(cell)
-    return found
+                grades[user, item] = float(cell)
+    return grades
 
 
 @pytest.mark.parametrize(

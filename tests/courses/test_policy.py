@@ -291,20 +291,20 @@ def test_average_is_the_mean_of_the_attempts_that_used_one(
 def test_points_come_from_their_sources_to_9_digits(
     policy: Policy, extension: Extension, attempts: list[Attempt]
 ) -> None:
-    found = count_points(attempts, policy, extension)
-    assert found.points == round(found.points, 9)
-    assert 0 <= found.points <= 10
-    assert bool(found.sources) == any(one.status in PAID for one in attempts)
-    assert found.numbers == tuple(one.number for one in found.sources)
-    if policy.counts != "average" and found.sources:
-        (source,) = found.sources
-        assert found.points == round(source.points * late_multiplier(policy, extension, source.at), 9)
+    counted = count_points(attempts, policy, extension)
+    assert counted.points == round(counted.points, 9)
+    assert 0 <= counted.points <= 10
+    assert bool(counted.sources) == any(one.status in PAID for one in attempts)
+    assert counted.numbers == tuple(one.number for one in counted.sources)
+    if policy.counts != "average" and counted.sources:
+        (source,) = counted.sources
+        assert counted.points == round(source.points * late_multiplier(policy, extension, source.at), 9)
 
 
 def test_best_latest_and_average() -> None:
     attempts = [attempt(1, 2), attempt(2, 9), attempt(3, 9), attempt(4, 1)]
-    found = {name: count_points(attempts, Policy.model_validate({"counts": name}), None) for name in COUNTS}
-    numbers = {name: (one.points, one.numbers) for name, one in found.items()}
+    counted = {name: count_points(attempts, Policy.model_validate({"counts": name}), None) for name in COUNTS}
+    numbers = {name: (one.points, one.numbers) for name, one in counted.items()}
     assert numbers == {"best": (9, (2,)), "latest": (1, (4,)), "average": (5.25, (1, 2, 3, 4))}
 
 

@@ -141,8 +141,8 @@ def test_where_only_the_direction_is_told_verdicts_of_one_direction_look_the_sam
     sides = []
     for outcome, column in ((one, 0), (other, 1)):
         hidden = {name: value for name, value in outcome["evidence"].items() if name not in ("option", "angles")}
-        found = tuple(directed(pair[column], 0.0) for pair in pairs)
-        verdict = Verdict(**answer, **outcome | told | {"findings": found, "evidence": own | hidden})
+        told_findings = tuple(directed(pair[column], 0.0) for pair in pairs)
+        verdict = Verdict(**answer, **outcome | told | {"findings": told_findings, "evidence": own | hidden})
         sides.append(seen(verdict, DIRECTION))
     assert sides[0] == sides[1]
 

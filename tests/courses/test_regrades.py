@@ -163,15 +163,15 @@ class Course:
 
     def newest(self, submission_id: str) -> dict[str, Any]:
         with self.database.read() as session:
-            found: dict[str, Any] = submissions.read_verdicts(
+            verdict: dict[str, Any] = submissions.read_verdicts(
                 session, submissions.get_several(session, [submission_id])
             )[submission_id]
-            return found
+            return verdict
 
     def points(self, learner: str, question: str = "number") -> float | None:
         with self.database.read() as session:
-            found = results.find(session, LearnerAt(self.name, learner, "quiz", question))
-            return None if found is None else found.points
+            result = results.find(session, LearnerAt(self.name, learner, "quiz", question))
+            return None if result is None else result.points
 
     def feed(self) -> int:
         with self.database.read() as session:
@@ -193,8 +193,8 @@ def course(database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 def outcomes(shown: dict[str, Any]) -> dict[str, int]:
-    found: dict[str, int] = shown["progress"]["outcomes"]
-    return found
+    outcomes: dict[str, int] = shown["progress"]["outcomes"]
+    return outcomes
 
 
 def told(shown: dict[str, Any]) -> dict[str, tuple[float | None, float | None, float | None]]:
@@ -585,8 +585,8 @@ class Term(RuleBasedStateMachine):
         key = LearnerAt(self.course.name, learner, "quiz", "number")
         with self.course.database.read() as session:
             attempts = [counting.make_attempt(row) for row in results.list_attempts(session, key)]
-        found = count_points(attempts, self.course.content.library.quiz("quiz").default_policy, None)
-        assert self.course.points(learner) == (found.points if attempts else None)
+        counted = count_points(attempts, self.course.content.library.quiz("quiz").default_policy, None)
+        assert self.course.points(learner) == (counted.points if attempts else None)
 
     @invariant()
     def no_verdict_is_doubled_and_no_review_regraded(self) -> None:

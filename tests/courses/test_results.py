@@ -195,17 +195,17 @@ def test_a_reader_of_the_feed_never_skips_a_late_committer(database: Database, l
 def test_readers_at_once_number_every_row_once(database: Database, library: Library, course: str) -> None:
     for n in range(20):
         hand_in(database, library, LearnerAt(course, f"u{n}", "best", "q1"), a_verdict(Status.PARTIAL, n))
-    found: list[list[tuple[int | None, str]]] = []
+    feeds: list[list[tuple[int | None, str]]] = []
 
     def read() -> None:
-        found.append([(row.position, row.learner) for row in the_feed(database, course)])
+        feeds.append([(row.position, row.learner) for row in the_feed(database, course)])
 
     threads = [threading.Thread(target=read) for _ in range(5)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert all(one == [(n + 1, f"u{n}") for n in range(20)] for one in found)
+    assert all(one == [(n + 1, f"u{n}") for n in range(20)] for one in feeds)
 
 
 class Learning(RuleBasedStateMachine):

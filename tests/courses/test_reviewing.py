@@ -190,10 +190,10 @@ class Reviewing(RuleBasedStateMachine):
                 with pytest.raises(NotFound):
                     reviews.next_to_claim(session, queue, who)
                 return
-            found = reviews.next_to_claim(session, queue, who)
-            reviews.claim(session, who, found, second=second)
-        assert found.id == expected.id
-        self.claims[found.id] = (reviewer, self.clock + reviews.CLAIM)
+            next_answer = reviews.next_to_claim(session, queue, who)
+            reviews.claim(session, who, next_answer, second=second)
+        assert next_answer.id == expected.id
+        self.claims[next_answer.id] = (reviewer, self.clock + reviews.CLAIM)
 
     @rule(reviewer=reviewers, place=places, second=st.booleans())
     def claim_one(self, reviewer: str, place: int, second: bool) -> None:
@@ -290,16 +290,16 @@ class Reviewing(RuleBasedStateMachine):
                     queue = reviews.list_queue(
                         self.desk, session, SubmissionFilter(self.course), who.id if second else None
                     )
-                    found = stored.page(session, queue, None, 100, self.clock)
+                    waiting = stored.page(session, queue, None, 100, self.clock)
                     expected = [answer for answer in self.answers if self.waits_for(answer, reviewer, second=second)]
-                    assert [row.id for row, _ in found] == [one.id for one in expected]
-                    assert [claim and claim.name for _, claim in found] == [self.holder(one) for one in expected]
+                    assert [row.id for row, _ in waiting] == [one.id for one in expected]
+                    assert [claim and claim.name for _, claim in waiting] == [self.holder(one) for one in expected]
 
     @invariant()
     def disagreements_are_the_marks_that_differ(self) -> None:
         with self.database.read() as session:
-            found = stored.list_disagreements(session, SubmissionFilter(self.course), None, 100)
-        assert [row.id for row, _ in found] == [answer.id for answer in self.answers if self.differs(answer)]
+            disagreements = stored.list_disagreements(session, SubmissionFilter(self.course), None, 100)
+        assert [row.id for row, _ in disagreements] == [answer.id for answer in self.answers if self.differs(answer)]
 
     @invariant()
     def the_first_mark_or_the_last_decision_counts(self) -> None:

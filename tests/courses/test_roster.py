@@ -30,8 +30,8 @@ def entries(external: st.SearchStrategy[External | None]) -> st.SearchStrategy[l
     return st.lists(one, max_size=5, unique_by=lambda entry: entry.key)
 
 
-def known(found: list[Entry]) -> list[tuple[object, ...]]:
-    return [(entry.name, entry.role, entry.email, entry.external) for entry in found]
+def known(entries: list[Entry]) -> list[tuple[object, ...]]:
+    return [(entry.name, entry.role, entry.email, entry.external) for entry in entries]
 
 
 def faults_of(read: Callable[[], object]) -> list[tuple[str, str]]:
@@ -84,7 +84,7 @@ def test_every_faulty_cell_is_told_with_its_line_and_column() -> None:
      ("name\na,b\n", "line 2")],
 )  # fmt: skip
 def test_a_heading_that_is_wrong_is_told(text: str, place: str) -> None:
-    assert place in [found for found, _ in faults_of(lambda: read_roster(text))]
+    assert place in [where for where, _ in faults_of(lambda: read_roster(text))]
 
 
 @pytest.mark.parametrize("text", ["", "\n \n", 'name\n"Ada', f"name\n{'x' * 200_000}\n", "name\n" + "a\n" * 20_001])
@@ -153,9 +153,11 @@ def test_who_is_enrolled_and_no_user_is_told() -> None:
 @given(entries(externals))
 def test_what_was_written_for_oneroster_is_read_back(people: list[Entry]) -> None:
     one_each = list({entry.external.id: entry for entry in people if entry.external}.values())
-    found = read_zip(write_zip(one_each, "robots"), "school") if one_each else []
+    read_back = read_zip(write_zip(one_each, "robots"), "school") if one_each else []
     expected = [(entry.name, entry.role, entry.email, entry.external and entry.external.id) for entry in one_each]
-    assert [(entry.name, entry.role, entry.email, entry.external and entry.external.id) for entry in found] == expected
+    assert [
+        (entry.name, entry.role, entry.email, entry.external and entry.external.id) for entry in read_back
+    ] == expected
 
 
 def test_the_zip_file_has_the_columns_of_version_1_2() -> None:

@@ -44,17 +44,17 @@ def statistics_of(
 
 @given(st.lists(st.booleans(), min_size=1, max_size=60))
 def test_the_interval_of_right_and_wrong_is_wilsons(answers: list[bool]) -> None:
-    found = mean_share([float(answer) for answer in answers])
+    share = mean_share([float(answer) for answer in answers])
     expected = scipy.stats.binomtest(sum(answers), len(answers)).proportion_ci(0.95, method="wilson")
-    assert (found.low, found.high) == pytest.approx((expected.low, expected.high), abs=1e-12)
-    assert found.value == pytest.approx(np.mean(answers))
+    assert (share.low, share.high) == pytest.approx((expected.low, expected.high), abs=1e-12)
+    assert share.value == pytest.approx(np.mean(answers))
 
 
 @given(shares)
 def test_an_interval_holds_its_mean_and_stays_between_0_and_1(given_shares: list[float]) -> None:
-    found = mean_share(given_shares)
-    assert 0 <= found.low <= found.value <= found.high <= 1
-    assert found.low < found.high
+    share = mean_share(given_shares)
+    assert 0 <= share.low <= share.value <= share.high <= 1
+    assert share.low < share.high
 
 
 @pytest.mark.parametrize("steps", [1, 2, 4, 20])
@@ -64,8 +64,8 @@ def test_the_interval_covers_the_true_mean_in_95_of_100_cohorts(steps: int) -> N
     cohorts, covered = 4000, 0
     for _ in range(cohorts):
         truth = chance.random()
-        found = mean_share([sum(chance.random() < truth for _ in range(steps)) / steps for _ in range(25)])
-        covered += found.low <= truth <= found.high
+        share = mean_share([sum(chance.random() < truth for _ in range(steps)) / steps for _ in range(25)])
+        covered += share.low <= truth <= share.high
     assert covered / cohorts > 0.94
 
 
@@ -74,8 +74,8 @@ def test_the_coverage_of_right_and_wrong_is_95_percent_over_all_true_means() -> 
     n, truths = 25, (np.arange(2000) + 0.5) / 2000
     coverage = np.zeros_like(truths)
     for right in range(n + 1):
-        found = mean_share([1.0] * right + [0.0] * (n - right))
-        held = (found.low <= truths) & (truths <= found.high)
+        share = mean_share([1.0] * right + [0.0] * (n - right))
+        held = (share.low <= truths) & (truths <= share.high)
         coverage += held * scipy.stats.binom.pmf(right, n, truths)
     assert coverage.mean() == pytest.approx(0.9527, abs=5e-4)
 
@@ -89,25 +89,27 @@ def test_no_shares_have_no_mean() -> None:
 def test_discrimination_is_numpys_correlation_with_the_rest(seed: int, learners: int) -> None:
     table = np.random.default_rng(seed).integers(0, 4, (learners, 3)) / 3
     rows = [row(i, f"q{j}", float(table[i, j])) for i in range(learners) for j in range(3)]
-    for j, found in enumerate(statistics_of(rows)):
+    for j, question in enumerate(statistics_of(rows)):
         item, rest = table[:, j], table.sum(axis=1) - table[:, j]
         if np.ptp(item) == 0 or np.ptp(np.round(rest, 9)) == 0:
-            assert found.discrimination is None
+            assert question.discrimination is None
             continue
         expected = scipy.stats.pearsonr(item, rest)
-        assert found.discrimination is not None
-        assert found.discrimination.value == pytest.approx(expected.statistic, abs=1e-7)
+        assert question.discrimination is not None
+        assert question.discrimination.value == pytest.approx(expected.statistic, abs=1e-7)
         low, high = expected.confidence_interval(0.95)
-        assert (found.discrimination.low, found.discrimination.high) == pytest.approx((low, high), abs=1e-6)
-        assert found.discrimination.n == learners
+        assert (question.discrimination.low, question.discrimination.high) == pytest.approx((low, high), abs=1e-6)
+        assert question.discrimination.n == learners
 
 
 def test_discrimination_is_the_point_biserial_correlation_of_right_and_wrong() -> None:
     right, rest = [0, 0, 1, 1, 1, 0], [0.1, 0.4, 0.5, 0.9, 0.3, 0.2]
     rows = [row(i, "q", one) for i, one in enumerate(right)] + [row(i, "rest", value) for i, value in enumerate(rest)]
-    found = statistics_of(rows)[0].discrimination
-    assert found is not None
-    assert found.value == pytest.approx(scipy.stats.pointbiserialr(np.array(right) == 1, rest).statistic, abs=1e-12)
+    discrimination = statistics_of(rows)[0].discrimination
+    assert discrimination is not None
+    assert discrimination.value == pytest.approx(
+        scipy.stats.pointbiserialr(np.array(right) == 1, rest).statistic, abs=1e-12
+    )
 
 
 def test_discrimination_is_null_where_it_is_undefined() -> None:
@@ -118,18 +120,18 @@ def test_discrimination_is_null_where_it_is_undefined() -> None:
 
 
 def test_a_perfect_correlation_has_no_width() -> None:
-    found = statistics_of([row(i, q, i % 2) for i in range(6) for q in ("q", "r")])[0].discrimination
-    assert found is not None
-    assert (found.value, found.low, found.high) == pytest.approx((1, 1, 1))
+    discrimination = statistics_of([row(i, q, i % 2) for i in range(6) for q in ("q", "r")])[0].discrimination
+    assert discrimination is not None
+    assert (discrimination.value, discrimination.low, discrimination.high) == pytest.approx((1, 1, 1))
 
 
 def test_questions_that_a_learner_has_not_answered_do_not_count_against_them() -> None:
     rows = [row(i, q, i % 2) for i in range(8) for q in ("q", "r")]
     more = [*rows, row("late", "q", 1)]  # answered nothing else: has no rest
-    found = statistics_of(more)[0]
-    assert found.difficulty.n == 9
-    assert found.discrimination is not None
-    assert found.discrimination.n == 8
+    question = statistics_of(more)[0]
+    assert question.difficulty.n == 9
+    assert question.discrimination is not None
+    assert question.discrimination.n == 8
 
 
 def test_a_simulated_cohort_shows_which_question_is_hard_and_which_tells_nothing() -> None:
@@ -142,9 +144,9 @@ def test_a_simulated_cohort_shows_which_question_is_hard_and_which_tells_nothing
         for name, (slope, difficulty) in [*questions.items(), *((f"fill{n}", (2.0, 0.0)) for n in range(6))]:
             right = chance.random() < 1 / (1 + math.exp(-slope * (ability - difficulty)))
             rows.append(row(learner, name, float(right)))
-    found = {question.question: question for question in statistics_of(rows)}
-    assert found["easy"].difficulty.value > 0.8 > 0.2 > found["hard"].difficulty.value
-    limits = {name: question.discrimination for name, question in found.items()}
+    by_name = {question.question: question for question in statistics_of(rows)}
+    assert by_name["easy"].difficulty.value > 0.8 > 0.2 > by_name["hard"].difficulty.value
+    limits = {name: question.discrimination for name, question in by_name.items()}
     easy, guess, wrong = limits["easy"], limits["guess"], limits["keyed-wrong"]
     assert easy is not None and guess is not None and wrong is not None
     assert easy.low > 0.2
@@ -159,19 +161,19 @@ def test_options_mistakes_and_first_attempts_are_counted() -> None:
         row("b", "q", 0, option=0, diagnoses=json.dumps([sign])),
         row("c", "q", 1, option=1, first_status=Status.INCORRECT),
     ]
-    (found,) = statistics_of(rows)
-    assert found.options == {0: 1, 1: 2}
-    assert list(found.mistakes.items()) == [(sign, 2), (unit, 1)]
-    assert found.right_at_once.value == pytest.approx(1 / 3)
-    assert found.difficulty.value == pytest.approx(2 / 3)
+    (question,) = statistics_of(rows)
+    assert question.options == {0: 1, 1: 2}
+    assert list(question.mistakes.items()) == [(sign, 2), (unit, 1)]
+    assert question.right_at_once.value == pytest.approx(1 / 3)
+    assert question.difficulty.value == pytest.approx(2 / 3)
 
 
 def test_wrong_numbers_are_clustered_and_right_ones_are_not() -> None:
     numbers = [5.0, 5.01, 0.2, 0.2, 0.2003, 7, 9]
     rows = [row(n, "q", 0, value=value) for n, value in enumerate(numbers)]
     rows += [row("right", "q", 1, value=5.0), row("none", "q", 0)]
-    (found,) = statistics_of(rows)
-    assert [(cluster.value, cluster.learners) for cluster in found.clusters] == [(0.2, 3), (5.005, 2)]
+    (question,) = statistics_of(rows)
+    assert [(cluster.value, cluster.learners) for cluster in question.clusters] == [(0.2, 3), (5.005, 2)]
     (tight,) = statistics_of(rows, {"q": [0.001]})
     assert [(cluster.value, cluster.learners) for cluster in tight.clusters] == [(0.2, 3)]
 
@@ -180,19 +182,21 @@ def test_wrong_numbers_are_clustered_and_right_ones_are_not() -> None:
 def test_clusters_are_narrow_disjoint_and_independent_of_order(
     values: list[float], tolerance: float | None, chance: random.Random
 ) -> None:
-    found = find_clusters(values, tolerance)
-    assert [cluster.learners for cluster in found] == sorted((cluster.learners for cluster in found), reverse=True)
-    for cluster in found:
+    clusters = find_clusters(values, tolerance)
+    assert [cluster.learners for cluster in clusters] == sorted(
+        (cluster.learners for cluster in clusters), reverse=True
+    )
+    for cluster in clusters:
         assert cluster.learners >= 2
         assert cluster.low <= cluster.value <= cluster.high
         assert cluster.high - cluster.low <= (0.005 * abs(cluster.low) if tolerance is None else tolerance)
         assert cluster.learners == sum(cluster.low <= value <= cluster.high for value in values)
     for value in set(values):  # equal numbers are never split
         if values.count(value) > 1:
-            assert any(cluster.low <= value <= cluster.high for cluster in found)
+            assert any(cluster.low <= value <= cluster.high for cluster in clusters)
     shuffled = values.copy()
     chance.shuffle(shuffled)
-    assert find_clusters(shuffled, tolerance) == found
+    assert find_clusters(shuffled, tolerance) == clusters
 
 
 def test_two_rows_of_a_learner_at_a_question_are_refused() -> None:
@@ -237,9 +241,9 @@ answers = st.fixed_dictionaries(
 @given(st.dictionaries(st.tuples(st.integers(0, 9), st.sampled_from(["q", "r"])), answers, max_size=20))
 def test_learners_who_answered_alike_are_counted_as_if_one_by_one(given_answers: dict[tuple[int, str], Any]) -> None:
     rows = [row(learner, question, **answer) for (learner, question), answer in given_answers.items()]
-    found = {one.question: one for one in statistics_of(rows, {"r": [0.0]})}
-    assert list(found) == list(dict.fromkeys(one.question for one in rows))
-    for name, told in found.items():
+    by_question = {one.question: one for one in statistics_of(rows, {"r": [0.0]})}
+    assert list(by_question) == list(dict.fromkeys(one.question for one in rows))
+    for name, told in by_question.items():
         here = [one for one in rows if one.question == name]
         several = [json.loads(one.several or "{}") for one in here]
         options = [one.option for one in here if one.option is not None]

@@ -68,8 +68,8 @@ def stuck(session: Session, *without: str) -> list[StuckLearner]:
 def test_three_attempts_with_one_named_mistake_are_stuck_the_longest_first(session: Session) -> None:
     tries(session, "ann", *[(0.0, SECONDS)] * 3)
     tries(session, "bob", (0.0, OTHER), *[(0.0, SECONDS)] * 4)
-    found = stuck(session)
-    assert [(one.name, one.quiz, one.question, one.attempts, one.diagnosis) for one in found] == [
+    learners = stuck(session)
+    assert [(one.name, one.quiz, one.question, one.attempts, one.diagnosis) for one in learners] == [
         ("bob", "check", "q2", 5, SECONDS),
         ("ann", "check", "q2", 3, SECONDS),
     ]

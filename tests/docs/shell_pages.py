@@ -61,10 +61,12 @@ def check_printed(printed: Printed) -> int:
     return len(said)
 
 
-def fits(shown: Any, found: Any) -> bool:
+def fits(shown: Any, actual: Any) -> bool:
     """Whether everything that is shown is found; "..." stands for any text."""
     if isinstance(shown, dict):
-        return isinstance(found, dict) and all(name in found and fits(one, found[name]) for name, one in shown.items())
-    if isinstance(shown, list) and isinstance(found, list):
-        return all(any(fits(one, other) for other in found) for one in shown) if shown else not found
-    return bool(shown == found or (shown == "..." and isinstance(found, str) and found))
+        return isinstance(actual, dict) and all(
+            name in actual and fits(one, actual[name]) for name, one in shown.items()
+        )
+    if isinstance(shown, list) and isinstance(actual, list):
+        return all(any(fits(one, other) for other in actual) for one in shown) if shown else not actual
+    return bool(shown == actual or (shown == "..." and isinstance(actual, str) and actual))

@@ -91,11 +91,11 @@ def test_the_step_grades_and_tells_classroom_parts_of_the_points(workspace: Path
     for name, status, score in (("correct__spectral_radius", "pass", 3.0), ("partial__own_gains", "fail", 1.0)):
         shutil.copy(SOLUTIONS / f"{name}.py", workspace / "answer.py")
         code, result = run_grade(workspace)
-        told = json.loads(base64.b64decode(result))
-        assert (code, told["status"], told["max_score"]) == (0, status, 3.0)
-        assert sum(test["score"] for test in told["tests"]) == score  # as the reporter counts
+        report = json.loads(base64.b64decode(result))
+        assert (code, report["status"], report["max_score"]) == (0, status, 3.0)
+        assert sum(test["score"] for test in report["tests"]) == score  # as the reporter counts
         assert ElementTree.parse(workspace / "report.xml").getroot().tag == "testsuites"
-    assert "same answer for every model" in told["tests"][0]["message"]
+    assert "same answer for every model" in report["tests"][0]["message"]
 
 
 def test_an_answer_that_is_not_there_fails_the_step_and_reports_nothing(workspace: Path) -> None:
@@ -140,14 +140,14 @@ def test_the_function_cells_of_notebooks_are_graded(tmp_path: Path) -> None:
     paths = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.glob(words.pop()))
     command = [str(BIN / "grader"), *words, *paths]
     done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
-    told = [json.loads(line) for line in done.stdout.splitlines()]
+    reports = [json.loads(line) for line in done.stdout.splitlines()]
     assert done.returncode == 3
-    assert [(Path(one["notebook"]).parts[1], one["points"], one["status"]) for one in told] == [
+    assert [(Path(one["notebook"]).parts[1], one["points"], one["status"]) for one in reports] == [
         ("ada", 3.0, "correct"), ("bob", 1.0, "partial"), ("eve", None, None), ("zoe", None, None),
     ]  # fmt: skip
-    assert told[3]["message"].endswith("zoe/ps1/servo.ipynb is no notebook of format 4: save it again with Jupyter.")
-    assert "same answer for every model" in told[1]["message"]
-    assert "0 code cells have the grade_id 'servo-threshold'" in told[2]["message"]
+    assert reports[3]["message"].endswith("zoe/ps1/servo.ipynb is no notebook of format 4: save it again with Jupyter.")
+    assert "same answer for every model" in reports[1]["message"]
+    assert "0 code cells have the grade_id 'servo-threshold'" in reports[2]["message"]
 
 
 # -- the page ----------------------------------------------------------------------------------------------------------

@@ -323,16 +323,16 @@ def gradebook(site: Site) -> bytes:
 def ids_in(url: str) -> set[str]:
     database = Database(url)
     with database.read() as session:
-        found = {row[0] for row in session.connection().exec_driver_sql("SELECT id FROM submissions")}
+        ids = {row[0] for row in session.connection().exec_driver_sql("SELECT id FROM submissions")}
     database.close()
-    return found
+    return ids
 
 
 def block(words: str) -> str:
     """The block of commands of the page that has these words."""
-    found: str
-    [found] = [one for one in BLOCKS if words in one]
-    return found
+    text: str
+    [text] = [one for one in BLOCKS if words in one]
+    return text
 
 
 def as_written(commands: str, folder: Path, **environment: str) -> None:

@@ -28,15 +28,15 @@ OF_PROMETHEUS = {"up": {"job", "instance"}}
 
 def selectors(expression: str) -> list[promql_parser.VectorSelector]:
     """Every choice of a metric in an expression, which must be PromQL."""
-    found: list[promql_parser.VectorSelector] = []
+    selectors: list[promql_parser.VectorSelector] = []
 
     def visit(node: Any) -> bool:
         if isinstance(node, promql_parser.VectorSelector):
-            found.append(node)
+            selectors.append(node)
         return True
 
     promql_parser.walk(promql_parser.parse(expression), visit)
-    return found
+    return selectors
 
 
 VALUES = {
@@ -104,9 +104,9 @@ def compose_program() -> list[str]:
     plugin = ["docker", "compose"]
     if shutil.which("docker") and not subprocess.run([*plugin, "version"], capture_output=True, check=False).returncode:
         return plugin
-    found = shutil.which("docker-compose")
-    assert found, "docker-compose is missing: `make test` installs it"
-    return [found]
+    program = shutil.which("docker-compose")
+    assert program, "docker-compose is missing: `make test` installs it"
+    return [program]
 
 
 @pytest.mark.process

@@ -77,5 +77,5 @@ def test_a_row_of_the_feed_has_the_fields_that_other_programs_rely_on(printed: l
 
 def test_the_page_is_not_fitted_by_anything() -> None:
     assert fits({"a": [{"b": "..."}]}, {"a": [{"c": 1}, {"b": "x"}], "d": 1})
-    for shown, found in (({"a": 1}, {}), ({"a": 1}, {"a": 2}), ({"a": []}, {"a": [1]}), ({"a": "..."}, {"a": 1})):
-        assert not fits(shown, found)
+    for shown, actual in (({"a": 1}, {}), ({"a": 1}, {"a": 2}), ({"a": []}, {"a": [1]}), ({"a": "..."}, {"a": 1})):
+        assert not fits(shown, actual)

@@ -90,6 +90,6 @@ def test_what_a_page_would_fetch_from_elsewhere_is_found(tmp_path: Path) -> None
     assert list(list_fetched(tmp_path)) == []
     for number, text in enumerate(FOREIGN):
         (tmp_path / f"{number}.html").write_text(text)
-    found = "\n".join(list_fetched(tmp_path))
-    assert found.count("cdn.example") == 5
-    assert all(f"{number}.html: " in found for number in range(len(FOREIGN)))
+    report = "\n".join(list_fetched(tmp_path))
+    assert report.count("cdn.example") == 5
+    assert all(f"{number}.html: " in report for number in range(len(FOREIGN)))

@@ -52,11 +52,11 @@ def test_every_program_of_the_plug_in_gets_its_status_and_diagnosis(environment:
 def test_a_verdict_has_a_finding_for_each_number_with_its_share_and_tables(environment: dict[str, str]) -> None:
     wrong = Path(environment["GRADER_CONTENT"]) / PROGRAMS / "partial__half_the_damping.py"
     verdict = json.loads(grader(environment, "grade", "1.1-identify", "oscillator", str(wrong), "--json").stdout)
-    found = {finding["id"]: finding for finding in verdict["findings"]}
-    assert (found["seen.stiffness"]["passed"], found["seen.damping"]["passed"]) == (True, False)
+    findings = {finding["id"]: finding for finding in verdict["findings"]}
+    assert (findings["seen.stiffness"]["passed"], findings["seen.damping"]["passed"]) == (True, False)
     low, high = (round(100 * end) for end in bound_share(0, 10))
-    assert f"Found in 0 of 10 recordings (95 % interval: {low} to {high} %)" in found["seen.damping"]["message"]
-    assert found["a.damping"]["measured"] is None
+    assert f"Found in 0 of 10 recordings (95 % interval: {low} to {high} %)" in findings["seen.damping"]["message"]
+    assert findings["a.damping"]["measured"] is None
     assert verdict["points"] == 2
     (table,) = verdict["evidence"]["tables"]
     assert table["head"] == ["recording", "stiffness", "damping"]

@@ -173,9 +173,9 @@ def test_a_view_is_told_from_a_copy() -> None:
     ],
 )  # fmt: skip
 def test_what_a_script_looks_for_is_said(test: str, said: str) -> None:
-    found = describe_test(ParsedScript(f"def f(data):\n    return {test}\n"))
-    assert said in found
-    assert bool(said) is bool(found)
+    sentence = describe_test(ParsedScript(f"def f(data):\n    return {test}\n"))
+    assert said in sentence
+    assert bool(said) is bool(sentence)
 
 
 def test_no_script_is_too_odd_to_be_read() -> None:

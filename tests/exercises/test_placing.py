@@ -34,9 +34,9 @@ def load_content(folder: Path) -> tuple[Library, dict[str, ReferenceProgram]]:
 
 
 def read_exercise(library: Library, quiz: str, question: str) -> ScriptQuestion:
-    found = library.question(quiz, question)
-    assert isinstance(found, ScriptQuestion)
-    return found
+    exercise = library.question(quiz, question)
+    assert isinstance(exercise, ScriptQuestion)
+    return exercise
 
 
 def judge(jail: Jail, folder: Path, file: str) -> tuple[dict[str, Any], Placed]:

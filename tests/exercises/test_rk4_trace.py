@@ -294,9 +294,9 @@ def test_another_data_is_named_where_the_steps_begin_at_several_states(read: Rea
         data.qvel[:] += model.opt.timestep * mine.qacc
         data.qpos[:] += model.opt.timestep * data.qvel
 
-    found = read(elsewhere)
-    assert found
-    assert "you pass it another data" in (explain_other_data(found) or "")
+    steps = read(elsewhere)
+    assert steps
+    assert "you pass it another data" in (explain_other_data(steps) or "")
     for step in (step_of(CLASSICAL), step_of([[], [0.0], [1 / 2, 1 / 2]])):  # near misses: right, state never written
         other = read(step)
         assert other

@@ -180,14 +180,14 @@ def test_no_draw_makes_a_wrong_method_right(seed: int) -> None:
     first = {cell.integrator.name: cell for cell in reversed(cells)}
     right = {(cell.case, cell.integrator.name): right_claims(cell) for cell in cells if cell.case in HIDDEN}
     assert {key for key, claims in right.items() if not claims} == LIMITLESS
-    found = {
+    results = {
         (cell.case, cell.integrator.name, method.id)
         for cell in cells
         for claim in right.get((cell.case, cell.integrator.name), [])
         for method in METHODS
         if method.matches(ClaimContext(PARAMETERS, cell, first[cell.integrator.name]), claim)
     }
-    assert found == BY_NATURE
+    assert results == BY_NATURE
 
 
 OTHER_MODEL = """

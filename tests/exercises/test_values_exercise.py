@@ -56,9 +56,9 @@ def folder(path: Path, program: str = PROGRAM, /, **changes: Any) -> Path:
 
 
 def exercise(library: Library) -> ScriptQuestion:
-    found = library.question("q", "two")
-    assert isinstance(found, ScriptQuestion)
-    return found
+    exercise = library.question("q", "two")
+    assert isinstance(exercise, ScriptQuestion)
+    return exercise
 
 
 def judged(library: Library, *calls: tuple[Any, ...] | None, seed: int = 1) -> Verdict:
@@ -407,8 +407,8 @@ def test_a_kind_that_cannot_be_loaded_is_told_with_its_package(installed: Path, 
 def test_two_packages_that_claim_one_name_are_refused(installed: Path, tmp_path: Path) -> None:
     again = tmp_path / "again"
     shutil.copytree(installed, again)
-    (found,) = again.glob("*.dist-info")
-    found.rename(again / "another_package-1.0.dist-info")
+    (folder,) = again.glob("*.dist-info")
+    folder.rename(again / "another_package-1.0.dist-info")
     metadata = again / "another_package-1.0.dist-info/METADATA"
     metadata.write_text(metadata.read_text().replace("grader-exact-text", "another-package"))
     content = words(tmp_path)

@@ -53,32 +53,32 @@ def complaints_about_accepted(cases: list[Case], more_than: int) -> list[str]:
 def test_the_corpus_means_what_it_means_in_node() -> None:
     cases = corpus()
     assert len(cases) > 300
-    found = complaints(cases)
-    assert not found, "\n".join(found)
+    differences = complaints(cases)
+    assert not differences, "\n".join(differences)
 
 
 def test_random_expressions_mean_what_they_mean_in_node() -> None:
     rng = random.Random(20260101)
-    found = complaints([Case("expression", fuzz.expression(rng, 5)) for _ in range(500)])
-    assert not found, "\n".join(found)
+    differences = complaints([Case("expression", fuzz.expression(rng, 5)) for _ in range(500)])
+    assert not differences, "\n".join(differences)
 
 
 def test_random_statements_mean_what_they_mean_in_node() -> None:
     rng = random.Random(20260102)
-    found = complaints([Case("statement", fuzz.statements(rng)) for _ in range(300)])
-    assert not found, "\n".join(found)
+    differences = complaints([Case("statement", fuzz.statements(rng)) for _ in range(300)])
+    assert not differences, "\n".join(differences)
 
 
 def test_random_loops_mean_what_they_mean_in_node() -> None:
     rng = random.Random(20260104)
     cases = [Case("statement", fuzz.loops(rng)) for _ in range(250)]
-    found = complaints_about_accepted(cases, more_than=80)
-    assert not found, "\n".join(found)
+    differences = complaints_about_accepted(cases, more_than=80)
+    assert not differences, "\n".join(differences)
 
 
 def test_damaged_texts_are_refused_or_mean_what_they_mean_in_node() -> None:
     rng = random.Random(20260103)
     texts = [case.text for case in corpus()]
     damaged = [Case(case.kind, fuzz.damage(rng, case.text, texts)) for case in corpus() for _ in range(8)]
-    found = complaints_about_accepted(damaged, more_than=300)
-    assert not found, "\n".join(found)
+    differences = complaints_about_accepted(damaged, more_than=300)
+    assert not differences, "\n".join(differences)

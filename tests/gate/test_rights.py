@@ -189,10 +189,10 @@ class World:
     @cached_property
     def tables(self) -> dict[str, Table]:
         """Those of the database, as they are there."""
-        found = MetaData()
+        metadata = MetaData()
         with self.database.engine.connect() as connection:
-            found.reflect(connection)
-        return dict(found.tables)
+            metadata.reflect(connection)
+        return dict(metadata.tables)
 
     def snapshot(self) -> list[str]:
         """Every row of the database but those of the other course, and but the times of the last use."""
@@ -316,20 +316,20 @@ def probe(world: World, client: HTTPConnection, rows: list[Row], kinds: tuple[st
     return {row: {kind: world.send(client, row, kind, real=False) for kind in kinds} for row in rows}
 
 
-def check_refused(world: World, client: HTTPConnection, found: Mapping[Row, Cells]) -> None:
+def check_refused(world: World, client: HTTPConnection, outcomes: Mapping[Row, Cells]) -> None:
     """Whoever was refused is refused the real thing as well, and changes nothing."""
     before = world.snapshot()
-    for row, cells in found.items():
+    for row, cells in outcomes.items():
         for kind, status in cells.items():
             if not row.is_read and refused(status):
                 assert world.send(client, row, kind, real=True) == status, (row.name, kind)
     assert world.snapshot() == before
 
 
-def check_elsewhere(world: World, client: HTTPConnection, found: Mapping[Row, Cells], kind: str) -> None:
+def check_elsewhere(world: World, client: HTTPConnection, outcomes: Mapping[Row, Cells], kind: str) -> None:
     """An instructor of another course finds nothing of this one, by any id."""
     before = world.snapshot()
-    for row, cells in found.items():
+    for row, cells in outcomes.items():
         if names_a_thing(row) and not is_alike(cells):
             cells[kind] = world.send(client, row, kind, real=True)
             shows_nothing = (303,) if row.is_read else (409,)  # leads elsewhere; a page that says why
@@ -414,20 +414,20 @@ def test_who_gets_through_to_every_route_of_the_api(world: World, client: HTTPCo
     assert {(row.method.lower(), row.path) for row in rows} == {
         (method, path) for path, methods in world.site.app.openapi()["paths"].items() for method in methods
     }
-    found = probe(world, client, rows, API_KINDS)
-    check_refused(world, client, found)
+    outcomes = probe(world, client, rows, API_KINDS)
+    check_refused(world, client, outcomes)
     for kind in (ELSEWHERE, f"session of {ELSEWHERE}"):
-        check_elsewhere(world, client, found, kind)
-    compare("routes of the API", [api_line(row, cells) for row, cells in found.items()])
+        check_elsewhere(world, client, outcomes, kind)
+    compare("routes of the API", [api_line(row, cells) for row, cells in outcomes.items()])
 
 
 def test_who_gets_through_to_every_page(world: World, client: HTTPConnection) -> None:
     rows = list(routes_in(page_router))
     leaving = [row for row in rows if row.name == "POST /signout"]  # ends the session that asks for it
-    found = probe(world, client, [row for row in rows if row not in leaving], PAGE_KINDS)
-    check_refused(world, client, found)
-    check_elsewhere(world, client, found, f"session of {ELSEWHERE}")
-    lines = [page_line(row, cells) for row, cells in found.items()]
+    outcomes = probe(world, client, [row for row in rows if row not in leaving], PAGE_KINDS)
+    check_refused(world, client, outcomes)
+    check_elsewhere(world, client, outcomes, f"session of {ELSEWHERE}")
+    lines = [page_line(row, cells) for row, cells in outcomes.items()]
     compare("pages", [*lines, *(line(row.name, "everybody", "", row.effect) for row in leaving)])
 
 

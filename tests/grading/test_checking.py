@@ -77,10 +77,10 @@ def test_a_program_says_what_it_gets_from_a_version_of_mujoco_on() -> None:
 
 def test_another_status_in_some_draws_is_told_with_a_seed() -> None:
     draws = Draws(SHORT, (Status.INCORRECT, None))
-    found = faults(draws, 6)
+    messages = faults(draws, 6)
     usual = "the verdict depends on the draw: partial (Your runs are too short.)"
-    assert found[0] == f"{usual} in 4 of 6 draws, as with --seed {draws.seeds[0]}"
-    assert found[1] == f"graded incorrect in 2 of 6 draws, as with --seed {draws.seeds[2]}"
+    assert messages[0] == f"{usual} in 4 of 6 draws, as with --seed {draws.seeds[0]}"
+    assert messages[1] == f"graded incorrect in 2 of 6 draws, as with --seed {draws.seeds[2]}"
 
 
 def test_another_diagnosis_in_some_draws_is_told() -> None:
@@ -100,8 +100,8 @@ def test_another_diagnosis_in_some_draws_is_told() -> None:
     ],
 )
 def test_a_wrong_verdict_is_told_once(changes: dict[str, str], why: str) -> None:
-    (found,) = faults(Draws(SHORT, SHORT), 1, **changes)
-    assert found.startswith(why)
+    (message,) = faults(Draws(SHORT, SHORT), 1, **changes)
+    assert message.startswith(why)
 
 
 class Generous:
@@ -177,9 +177,9 @@ def test_a_script_that_does_not_solve_the_exercise_may_not_earn_what_solving_doe
     servo = lesson.question("1.3-exercises", "servo-threshold")
     assert isinstance(servo, ScriptQuestion)
     pipeline: Any = Generous(lesson, points)
-    found = find_lazy_faults(pipeline, servo)
-    assert [fault.why.partition(" earns ")[0] for fault in found] == refused
-    assert all(fault.key == "servo-threshold.check" and "may earn" in fault.why for fault in found)
+    lazy_faults = find_lazy_faults(pipeline, servo)
+    assert [fault.why.partition(" earns ")[0] for fault in lazy_faults] == refused
+    assert all(fault.key == "servo-threshold.check" and "may earn" in fault.why for fault in lazy_faults)
 
 
 @pytest.mark.parametrize("id_", ["servo-threshold", "rk4-step", "rk4-free-joint"])
@@ -187,8 +187,8 @@ def test_no_kind_may_give_more_for_empty_arrays_than_for_none(id_: str, lesson: 
     question = lesson.question("1.3-exercises", id_)
     assert isinstance(question, ScriptQuestion)
     pipeline: Any = Broadcasting(lesson, 0.1)
-    (found,) = find_lazy_faults(pipeline, question)
-    assert found.why.startswith("empty arrays earns 0.1 points, and may earn 0 at most")
+    (fault,) = find_lazy_faults(pipeline, question)
+    assert fault.why.startswith("empty arrays earns 0.1 points, and may earn 0 at most")
 
 
 def test_one_question_alone_is_checked_and_says_what_it_does(tmp_path: Path) -> None:

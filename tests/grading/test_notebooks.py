@@ -70,12 +70,12 @@ def test_code_cells_come_in_order(tmp_path: Path) -> None:
         cell("raw", "nothing"),
         cell("code", "def f():\n    return x\n", nbgrader={"grade_id": "here"}),
     ]
-    found = read_notebook(write(tmp_path / "a.ipynb", {"cells": cells, "nbformat": 4}))
-    assert assemble_script(found) == "import math\npass\nx = 1\n\ndef f():\n    return x\n"
-    assert assemble_script([find_cell(found, "here")]) == "def f():\n    return x\n"
+    notebook = read_notebook(write(tmp_path / "a.ipynb", {"cells": cells, "nbformat": 4}))
+    assert assemble_script(notebook) == "import math\npass\nx = 1\n\ndef f():\n    return x\n"
+    assert assemble_script([find_cell(notebook, "here")]) == "def f():\n    return x\n"
     for grade_id, count in (("elsewhere", 0), ("here", 2)):
         with pytest.raises(Unprocessable, match=f"{count} code cells have the grade_id '{grade_id}'"):
-            find_cell([*found, *found], grade_id)
+            find_cell([*notebook, *notebook], grade_id)
 
 
 @pytest.mark.parametrize(

@@ -171,8 +171,8 @@ def test_every_page_shows_what_its_author_wrote_in_the_authors_order(origin: str
         for number, marks in SEEN.items():
             page = client.get(f"/lessons/{number}")
             body = page.text[page.text.index("<main") :]
-            found = [body.index(mark) for mark in marks]
-            assert found == sorted(found), number
+            positions = [body.index(mark) for mark in marks]
+            assert positions == sorted(positions), number
             assert len(page.content) < 60_000
 
 

@@ -28,15 +28,15 @@ def content(tmp_path: Path) -> Path:
 
 def test_fifteen_of_seventeen_keys_get_a_verify_that_holds_and_certifies_them_once_pasted(content: Path) -> None:
     library = load(content)
-    found = list(certify_quizzes(library, ["8.8-check"]))
-    assert [certified.certificate for certified in found] == [None] * 17
+    results = list(certify_quizzes(library, ["8.8-check"]))
+    assert [certified.certificate for certified in results] == [None] * 17
     file = content / "quizzes/8.8-check.json"
     raw = json.loads(file.read_text())
     questions = {
         question.id: part for question, part in zip(library.quiz("8.8-check").questions, raw["questions"], strict=True)
     }
     without = set[str]()
-    for certified in found:
+    for certified in results:
         proposal = propose_for_key(library, certified.quiz, certified.question, certified.key)
         if proposal is None or not proposal.holds:
             without.add(certified.question.id)

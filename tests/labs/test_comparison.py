@@ -18,9 +18,9 @@ XML = {name: (ROOT / f"models/{name}.xml").read_text() for name in ("double_pend
 
 
 def lesson_lab() -> IntegratorsLab:
-    found = Quiz.model_validate(json.loads((ROOT / "quizzes/1.3-labs.json").read_text())).labs[0]
-    assert isinstance(found, IntegratorsLab)
-    return found
+    lab = Quiz.model_validate(json.loads((ROOT / "quizzes/1.3-labs.json").read_text())).labs[0]
+    assert isinstance(lab, IntegratorsLab)
+    return lab
 
 
 def test_all_five_run_from_one_state_and_the_single_step_methods_agree_bitwise() -> None:

@@ -114,6 +114,6 @@ def test_an_attached_file_that_is_missing_is_a_fault() -> None:
         return Fault(name, "path", "is not a file of the content folder")
 
     (lab,) = (lab for lab in LABS if lab.name == "attached fingers")
-    found = flatten(lab.xml, "models/hand.xml", missing)
-    assert isinstance(found, list)
-    assert [fault.why for fault in found] == ["attaches 'finger.xml', which is not a file of the content folder"]
+    faults = flatten(lab.xml, "models/hand.xml", missing)
+    assert isinstance(faults, list)
+    assert [fault.why for fault in faults] == ["attaches 'finger.xml', which is not a file of the content folder"]

@@ -314,16 +314,16 @@ def mistake_files(content: int, files: dict[str, str]) -> Iterator[Mistake]:
 
 def list_mistakes() -> dict[str, list[Mistake]]:
     """Every mistake in every content, by name."""
-    found: dict[str, list[Mistake]] = {}
+    by_name: dict[str, list[Mistake]] = {}
     for place in list_places():
         for lister in LISTERS:
             for mistake in lister(place):
-                found.setdefault(mistake.name, []).append(mistake)
+                by_name.setdefault(mistake.name, []).append(mistake)
     for index, files in enumerate(contents()):
         for mistake in mistake_files(index, files):
             if any(files.get(file) != text for file, text in mistake.files.items()):
-                found.setdefault(mistake.name, []).append(mistake)
-    return found
+                by_name.setdefault(mistake.name, []).append(mistake)
+    return by_name
 
 
 def draw_mistakes(count: int, seed: int) -> list[Mistake]:

@@ -58,9 +58,9 @@ def faults(root: Path) -> list[Fault]:
 
 def told(root: Path) -> dict[str, str]:
     """Why, by key, where all faults are in the quiz file."""
-    found = faults(root)
-    assert {fault.file for fault in found} == {"quizzes/quiz.json"}
-    return {fault.key: fault.why for fault in found}
+    refused = faults(root)
+    assert {fault.file for fault in refused} == {"quizzes/quiz.json"}
+    return {fault.key: fault.why for fault in refused}
 
 
 def without(part: Mapping[str, Any], key: str) -> dict[str, Any]:
@@ -155,9 +155,9 @@ def test_five_faults_in_five_places_are_named_at_once(root: Path) -> None:
 )
 def test_a_fault_is_told_where_it_stands_with_its_cure(root: Path, question: Any, key: str, why: str) -> None:
     write(root, question)
-    found = told(root)
-    assert list(found) == [key]
-    assert why in found[key]
+    by_key = told(root)
+    assert list(by_key) == [key]
+    assert why in by_key[key]
 
 
 def test_one_question_with_many_faults_tells_them_all(root: Path) -> None:
@@ -558,10 +558,10 @@ def test_other_files_beside_quizzes_and_models_are_no_fault(root: Path) -> None:
 def test_equal_options_dates_in_words_and_misspelt_names_are_told_with_a_cure(root: Path) -> None:
     lab = {"id": "lab", "model": "bal", "readouts": [{"label": "x", "expr": "data.qops[0]"}]}
     write(root, {**MCQ, "options": ["a", "a "]}, labs=[lab], policy={"due": "19 October 2026"})
-    found = told(root)
-    assert found["q1.options"] == "'a ' is there twice: write each text once"
-    assert found["policy.due"].startswith("must be a date and time with its offset, such as 2026-10-19T18:00+02:00")
-    assert found["lab.model"].endswith("did you mean 'ball'?")
+    by_key = told(root)
+    assert by_key["q1.options"] == "'a ' is there twice: write each text once"
+    assert by_key["policy.due"].startswith("must be a date and time with its offset, such as 2026-10-19T18:00+02:00")
+    assert by_key["lab.model"].endswith("did you mean 'ball'?")
     write(root, labs=[{**lab, "model": "ball"}])
     assert told(root)["lab.readouts.0.expr"].endswith("data.qops cannot be read here: did you mean data.qpos?")
 

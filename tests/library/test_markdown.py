@@ -49,9 +49,9 @@ Which stage fills `data.xpos`?
 
 
 def read(text: str) -> Any:
-    found = read_markdown(text, "quizzes/2-check.md")
-    assert found.faults == ()
-    return found.raw
+    reading = read_markdown(text, "quizzes/2-check.md")
+    assert reading.faults == ()
+    return reading.raw
 
 
 def told(text: str) -> list[str]:
@@ -110,9 +110,9 @@ heads = st.fixed_dictionaries({"id": texts, "title": texts}, optional={"policy":
 @example({"id": "1.3", "title": "yes"}, [PAIRS])
 def test_whatever_json_holds_comes_back(head: dict[str, Any], asked: list[dict[str, Any]]) -> None:
     quiz = {**head, "questions": asked}
-    found = read_markdown(write_markdown(quiz), "quizzes/any.md")
-    assert found.faults == ()
-    assert json.dumps(found.raw, sort_keys=True) == json.dumps(quiz, sort_keys=True) or found.raw == quiz
+    reading = read_markdown(write_markdown(quiz), "quizzes/any.md")
+    assert reading.faults == ()
+    assert json.dumps(reading.raw, sort_keys=True) == json.dumps(quiz, sort_keys=True) or reading.raw == quiz
 
 
 @given(st.text(max_size=200) | st.lists(texts | st.sampled_from(ONE.splitlines()), max_size=20).map("\n".join))
@@ -124,9 +124,9 @@ def test_whatever_json_holds_comes_back(head: dict[str, Any], asked: list[dict[s
 @example("---\na: " + "9" * 5000 + "\n---\n")
 @example("## \n```json question\n" + '{"a":' * 3000 + "\n```")
 def test_no_text_raises(text: str) -> None:
-    found = read_markdown(text, "quizzes/any.md")
-    assert (found.raw is None) == bool(found.faults)
-    assert all(fault.key.startswith(("line ", "whole file")) for fault in found.faults)
+    reading = read_markdown(text, "quizzes/any.md")
+    assert (reading.raw is None) == bool(reading.faults)
+    assert all(fault.key.startswith(("line ", "whole file")) for fault in reading.faults)
 
 
 @pytest.mark.parametrize(

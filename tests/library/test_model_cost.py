@@ -57,9 +57,9 @@ def test_a_content_folder_with_such_a_model_is_refused(tmp_path: Path) -> None:
     (tmp_path / "quizzes/quiz.json").write_text(text % xml.replace('"', "'"))
     with pytest.raises(ContentError) as refused:
         load(tmp_path)
-    found = {(fault.file, fault.key): fault.why for fault in refused.value.faults}
-    assert set(found) == {("models/chain.xml", "model"), ("quizzes/quiz.json", "lab.xml")}
-    assert all("has 200003 elements" in why for why in found.values())
+    faults = {(fault.file, fault.key): fault.why for fault in refused.value.faults}
+    assert set(faults) == {("models/chain.xml", "model"), ("quizzes/quiz.json", "lab.xml")}
+    assert all("has 200003 elements" in why for why in faults.values())
 
 
 HIDDEN = [

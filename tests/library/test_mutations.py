@@ -32,6 +32,6 @@ FOUND = (
 @pytest.mark.slow
 @pytest.mark.parametrize(("key", "name"), FOUND)
 def test_a_mutation_that_once_got_through_is_told(mutations: list[Mutation], key: str, name: str) -> None:
-    found = [mutation for mutation in mutations if mutation.name == name and ".".join(map(str, mutation.way)) == key]
-    assert found
-    assert [why for one in found if (why := try_mutation(one)) is not None] == []
+    matching = [mutation for mutation in mutations if mutation.name == name and ".".join(map(str, mutation.way)) == key]
+    assert matching
+    assert [why for one in matching if (why := try_mutation(one)) is not None] == []

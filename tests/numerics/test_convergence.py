@@ -21,8 +21,8 @@ RK4 = 1
 
 
 def order_of(scene: Scene, timesteps_s: list[float], integrator: int, stepper: Stepper | None = None) -> OrderFit:
-    found = errors(scene, solve_dop853(scene, TIMES), timesteps_s, integrator=integrator, stepper=stepper)
-    return fit_order(timesteps_s, [error.qpos for error in found])
+    differences = errors(scene, solve_dop853(scene, TIMES), timesteps_s, integrator=integrator, stepper=stepper)
+    return fit_order(timesteps_s, [error.qpos for error in differences])
 
 
 def test_an_order_comes_with_its_interval() -> None:

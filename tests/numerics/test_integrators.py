@@ -73,8 +73,8 @@ def test_a_step_costs_as_many_evaluations(name: str, integrator: Integrator) -> 
 
 
 def order_of(scene: Scene, integrator: Integrator, timesteps_s: list[float]) -> float:
-    found = errors(scene, solve_dop853(scene, TIMES), timesteps_s, integrator=integrator.code)
-    return fit_order(timesteps_s, [error.qpos for error in found]).order
+    differences = errors(scene, solve_dop853(scene, TIMES), timesteps_s, integrator=integrator.code)
+    return fit_order(timesteps_s, [error.qpos for error in differences]).order
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS, ids=ids)

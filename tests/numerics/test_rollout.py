@@ -72,15 +72,15 @@ def test_a_run_is_bitwise_what_one_call_into_the_engine_is(name: str) -> None:
 @pytest.mark.slow
 def test_the_step_that_warns_is_found_in_every_chunk() -> None:
     """The smaller the start, the later the linear growth beyond the limit reaches a warning."""
-    found = []
+    first_steps = []
     for exponent in np.linspace(-290, 0, 40):
         scene = SERVO.at(qpos=[10.0**exponent])
         times = np.array(stepped_singly(scene, 0.0215, 0, 2500))
         first = int(np.argmax(np.diff(times) < 0)) + 1
         run = simulate(scene, steps=2500, timestep_s=0.0215, integrator=0, every=STEPS_MAX)
         assert (run.diverged_at_step, run.step.tolist()) == (first, [0])
-        found.append(first)
-    assert min(found) < CHUNK < GROWTH * CHUNK < CHUNK + CHUNK_MAX < max(found)
+        first_steps.append(first)
+    assert min(first_steps) < CHUNK < GROWTH * CHUNK < CHUNK + CHUNK_MAX < max(first_steps)
 
 
 def test_results_are_read_only() -> None:

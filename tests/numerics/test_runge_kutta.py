@@ -96,8 +96,8 @@ def test_activations_converge_with_fourth_order() -> None:
     reference = solve_dop853(scene, list_sample_times(1.0, 0.02))
     for step in (step_mujoco_rk4, step_lie_rk4):
         timesteps_s = [0.01, 0.005, 0.004, 0.002]
-        found = errors(scene, reference, timesteps_s, integrator=RK4, stepper=step)
-        assert fit_order(timesteps_s, [error.qpos for error in found]).order == pytest.approx(4.0, abs=0.1)
+        differences = errors(scene, reference, timesteps_s, integrator=RK4, stepper=step)
+        assert fit_order(timesteps_s, [error.qpos for error in differences]).order == pytest.approx(4.0, abs=0.1)
 
 
 @pytest.mark.parametrize(

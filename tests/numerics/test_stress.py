@@ -71,8 +71,8 @@ def test_closed_form_spectral_radius_and_simulation_agree(
     limit = closed_form(integrator, kp, kv, mass)
     q0 = min(1e-3, 1e6 * inertia / (kp + GRAVITY_ARM * mass))  # its acceleration must not be a warning in itself
     scene = servo_scene(kp, kv, mass, q0=q0)
-    found = find_spectral_limit(scene, low_s=limit / 3, high_s=limit * 3, integrator=integrator, width_s=1e-7 * limit)
-    assert found == pytest.approx(limit, rel=1e-4)
+    edge_s = find_spectral_limit(scene, low_s=limit / 3, high_s=limit * 3, integrator=integrator, width_s=1e-7 * limit)
+    assert edge_s == pytest.approx(limit, rel=1e-4)
     below = try_timestep(scene, 0.98 * limit, 0.98 * limit * 4000, integrator=integrator)
     above = try_timestep(scene, 1.02 * limit, 1.02 * limit * 4000, integrator=integrator)
     assert below.stability is Stability.STABLE
@@ -169,14 +169,14 @@ def test_near_the_limit_from_both_sides(kp: float, integrator: int) -> None:
 
 def test_a_search_that_is_unstable_throughout_says_so() -> None:
     scene = servo_scene(1e8, 0)
-    found = find_threshold(scene, low_s=0.001, high_s=0.05, integrator=EULER)
-    assert (found.result, found.bracket_s) == (SearchResult.NONE_STABLE, None)
+    threshold = find_threshold(scene, low_s=0.001, high_s=0.05, integrator=EULER)
+    assert (threshold.result, threshold.bracket_s) == (SearchResult.NONE_STABLE, None)
 
 
 def test_a_search_from_rest_is_undecided() -> None:
-    found = find_threshold(servo_scene(2000, 5, q0=0.0), low_s=0.001, high_s=0.05, integrator=EULER)
-    assert (found.result, found.bracket_s) == (SearchResult.UNDECIDED, None)
-    assert "at rest" in found.reason
+    threshold = find_threshold(servo_scene(2000, 5, q0=0.0), low_s=0.001, high_s=0.05, integrator=EULER)
+    assert (threshold.result, threshold.bracket_s) == (SearchResult.UNDECIDED, None)
+    assert "at rest" in threshold.reason
 
 
 @pytest.mark.parametrize("ends", [(0.0, 0.05), (0.05, 0.05), (0.05, 0.01), (nan, 0.05), (0.01, inf)])
@@ -189,7 +189,7 @@ def test_an_empty_search_is_refused(ends: tuple[float, float]) -> None:
 
 def test_start_angles_to_a_thousand_radians() -> None:
     for q0 in np.geomspace(0.01, 1e3, 6):
-        found = find_threshold(servo_scene(2000, 5, q0=float(q0)), low_s=0.015, high_s=0.03, integrator=EULER)
-        assert found.bracket_s is not None
-        assert isfinite(found.bracket_s[0])
-        assert 0.01998 < found.bracket_s[0] < found.bracket_s[1] < 0.0204
+        threshold = find_threshold(servo_scene(2000, 5, q0=float(q0)), low_s=0.015, high_s=0.03, integrator=EULER)
+        assert threshold.bracket_s is not None
+        assert isfinite(threshold.bracket_s[0])
+        assert 0.01998 < threshold.bracket_s[0] < threshold.bracket_s[1] < 0.0204

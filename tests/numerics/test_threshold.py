@@ -106,20 +106,20 @@ def test_a_claim_is_checked_by_two_simulations() -> None:
 @pytest.mark.parametrize("horizon_s", [3.0, 30.0])
 def test_the_linear_prediction_saves_simulations(integrator: int, horizon_s: float) -> None:
     """Halving a range of 49 ms to 1 us alone takes 16 runs after the two ends."""
-    found = find_threshold(
+    threshold = find_threshold(
         SERVO, low_s=0.001, high_s=0.05, horizon_s=horizon_s, integrator=integrator, scan_step_s=0.05, width_s=1e-6
     )
-    assert found.bracket_s is not None
-    assert found.simulations <= 2 + 12
+    assert threshold.bracket_s is not None
+    assert threshold.simulations <= 2 + 12
 
 
 def test_a_threshold_says_under_what_it_holds() -> None:
-    found = find_threshold(SERVO, low_s=0.015, high_s=0.025, horizon_s=7.0, integrator=EULER, scan_step_s=0.001)
-    assert (found.horizon_s, found.criterion, found.integrator) == (7.0, Criterion.ANY_WARNING, EULER)
-    assert found.start.qpos.tolist() == [1.0]
-    assert 0.0009 < found.scan_step_s <= 0.001
-    assert found.low is not None and found.high is not None
-    assert "no warning" in found.low.reason and "warning within" in found.high.reason
+    threshold = find_threshold(SERVO, low_s=0.015, high_s=0.025, horizon_s=7.0, integrator=EULER, scan_step_s=0.001)
+    assert (threshold.horizon_s, threshold.criterion, threshold.integrator) == (7.0, Criterion.ANY_WARNING, EULER)
+    assert threshold.start.qpos.tolist() == [1.0]
+    assert 0.0009 < threshold.scan_step_s <= 0.001
+    assert threshold.low is not None and threshold.high is not None
+    assert "no warning" in threshold.low.reason and "warning within" in threshold.high.reason
 
 
 def test_differences_agree_with_mujocos_own_linearisation() -> None:

@@ -67,8 +67,8 @@ class Class:
     def points(self, who: Identity) -> float:
         """What counts for a learner in the quiz."""
         with self.database.read() as session:
-            found = find_of_learner(session, COURSE, who.id, "small")
-        return sum(result.points for result in found.values())
+            results = find_of_learner(session, COURSE, who.id, "small")
+        return sum(result.points for result in results.values())
 
 
 def ids(database: Database) -> dict[str, str]:

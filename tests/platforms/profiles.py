@@ -171,17 +171,17 @@ class Simulated:
         ]
 
     def _listed(self, query: dict[str, list[str]]) -> Answer:
-        found = self._shown()
+        items = self._shown()
         if self.profile.filters:
             wanted = query.get("resource_id", [""])[0]
-            return Answer.of([item for item in found if item.get("resourceId") == wanted])
+            return Answer.of([item for item in items if item.get("resourceId") == wanted])
         start = int(query.get("page", ["0"])[0])
         headers = {}
-        if start + 2 < len(found):
+        if start + 2 < len(items):
             joint = "&" if self.profile.query else "?"
             following = f"{self.container}{joint}page={start + 2}"
             headers["Link"] = f'<{self.container}>; rel="first", <{following}>; rel="next"'
-        return Answer.of(found[start : start + 2], 200, **headers)
+        return Answer.of(items[start : start + 2], 200, **headers)
 
     def _created(self, asked: Asked) -> Answer:
         key = f"item{len(self.items)}"

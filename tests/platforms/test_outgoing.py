@@ -25,9 +25,9 @@ def resolving(*addresses: str) -> Callable[[str, int], "asyncio.Future[list[Addr
     """A resolver that has these addresses for every name."""
 
     def resolve(_host: str, _port: int) -> "asyncio.Future[list[Address]]":
-        found: asyncio.Future[list[Address]] = asyncio.get_running_loop().create_future()
-        found.set_result([ip_address(address) for address in addresses])
-        return found
+        future: asyncio.Future[list[Address]] = asyncio.get_running_loop().create_future()
+        future.set_result([ip_address(address) for address in addresses])
+        return future
 
     return resolve
 

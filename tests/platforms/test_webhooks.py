@@ -65,9 +65,9 @@ def teacher(site: Site) -> httpx.Client:
 def create(client: httpx.Client, url: str) -> dict[str, Any]:
     made = client.post(f"{API}/webhooks", json={"url": url})
     assert made.status_code == 201, made.text
-    found: dict[str, Any] = made.json()
-    assert made.headers["location"] == f"{API}/webhooks/{found['id']}"
-    return found
+    webhook: dict[str, Any] = made.json()
+    assert made.headers["location"] == f"{API}/webhooks/{webhook['id']}"
+    return webhook
 
 
 def answer(site: Site, user: str = "ann", option: int = 1, question: str = "q1") -> dict[str, Any]:
@@ -79,8 +79,8 @@ def answer(site: Site, user: str = "ann", option: int = 1, question: str = "q1")
 
 
 def listed(client: httpx.Client, **query: str) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = client.get(f"{API}/deliveries", params=query).json()["items"]
-    return found
+    items: list[dict[str, Any]] = client.get(f"{API}/deliveries", params=query).json()["items"]
+    return items
 
 
 def verified(secret: str, asked: Asked) -> Any:

@@ -44,5 +44,5 @@ def wait_of_next_s(database: Database) -> float:
     """In how many seconds the next delivery is due: 0 for one that is due or in progress, infinity without any."""
     wait_s = case((JobRow.due_at.is_(None), 0.0), else_=JobRow.due_at - jobs.Clock())
     with database.read() as session:
-        found = session.scalar(select(func.min(wait_s)).where(JobRow.topic == jobs.DELIVER))
-    return inf if found is None else max(0.0, found)
+        next_s = session.scalar(select(func.min(wait_s)).where(JobRow.topic == jobs.DELIVER))
+    return inf if next_s is None else max(0.0, next_s)

@@ -209,9 +209,9 @@ def test_a_verify_is_refused_where_there_is_no_key(tmp_path: Path, case: Case) -
 
 
 def test_every_key_can_be_certified_or_refused(library: Library, case: Case) -> None:
-    found = [certified for certified in certify_quizzes(library, ["every"]) if certified.question.id == case.name]
-    assert [certified.key for certified in found] == list(case.kind.answer_keys(case.question))
-    for one in found:
+    keys = [certified for certified in certify_quizzes(library, ["every"]) if certified.question.id == case.name]
+    assert [certified.key for certified in keys] == list(case.kind.answer_keys(case.question))
+    for one in keys:
         assert one.certificate is None or one.certificate.ok
 
 

@@ -55,8 +55,8 @@ def test_seconds_for_milliseconds() -> None:
     ],
 )
 def test_known_slips(answer: float, unit: str | None, given: str, told: str) -> None:
-    found = diagnosis(answer, unit, given)
-    assert found is not None and told in found, found
+    message = diagnosis(answer, unit, given)
+    assert message is not None and told in message, message
 
 
 @pytest.mark.parametrize(

@@ -105,12 +105,12 @@ def test_a_worker_without_the_content_grades_by_that_of_each_submission(tmp_path
                 os.kill(worker.pid, signal.SIGKILL)
             with process_of("worker", working) as worker:
                 shown = verdicts_of(ann, [before, after, new])
-                found = {one: told(shown[one]["verdict"]) for one in shown}
-                cases = found[before][2]
+                outcomes = {one: told(shown[one]["verdict"]) for one in shown}
+                cases = outcomes[before][2]
                 assert old.points == 3
-                assert (found[before], found[new]) == (("old", 3, cases), ("new", 3, cases))
-                assert found[after][:2] == ("new", 6)
-                assert found[after][2] < cases
+                assert (outcomes[before], outcomes[new]) == (("old", 3, cases), ("new", 3, cases))
+                assert outcomes[after][:2] == ("new", 6)
+                assert outcomes[after][2] < cases
                 digests = {shown[one]["verdict"]["content_digest"] for one in (after, new)}
                 assert len(digests) == 1
                 assert shown[before]["verdict"]["content_digest"] not in digests
@@ -120,4 +120,4 @@ def test_a_worker_without_the_content_grades_by_that_of_each_submission(tmp_path
                 done = regraded(teacher, location)
                 assert (done["status"], done["progress"]["outcomes"]) == ("done", {"changed": 1, "same": 1})
                 again = json.loads(ann.get(f"{API}/submissions/{before}").text)
-                assert (told(again["verdict"]), again["revision"]) == (found[after], 2)
+                assert (told(again["verdict"]), again["revision"]) == (outcomes[after], 2)

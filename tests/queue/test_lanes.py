@@ -115,8 +115,8 @@ def test_a_claim_leaves_other_topics_alone(database: Database) -> None:
     with database.write() as session:
         for topic in jobs.TOPICS:
             jobs.put(session, topic, topic, share="one")
-        found = [jobs.claim(session, 1, topics) for topics in ((jobs.DELIVER, jobs.PRUNE), (jobs.GRADE,))]
-        assert [claim and claim.topic for claim in found] == [jobs.DELIVER, jobs.GRADE]
+        claims = [jobs.claim(session, 1, topics) for topics in ((jobs.DELIVER, jobs.PRUNE), (jobs.GRADE,))]
+        assert [claim and claim.topic for claim in claims] == [jobs.DELIVER, jobs.GRADE]
 
 
 def test_a_claim_of_no_topics_finds_nothing(database: Database) -> None:

@@ -47,15 +47,15 @@ def results(verdict: Verdict, **policy: Any) -> dict[str, Any]:
 
 def cases(verdict: Verdict) -> dict[str, tuple[str, str]]:
     """Status and output of each test case by name, read as GitLab reads them: the second of two equal names is lost."""
-    found: dict[str, tuple[str, str]] = {}
+    by_case: dict[str, tuple[str, str]] = {}
     root = ElementTree.fromstring(junit_xml(graded(verdict)))
     assert root.tag == "testsuites"
     for suite in root.findall("testsuite"):
         for case in suite.findall("testcase"):
             outcome = next(iter(case), None)
             read = ("success", "") if outcome is None else (outcome.tag, outcome.text or "")
-            found.setdefault(f"{case.attrib['classname']} {case.attrib['name']}", read)
-    return found
+            by_case.setdefault(f"{case.attrib['classname']} {case.attrib['name']}", read)
+    return by_case
 
 
 def finding(title: str, passed: bool | None, **rest: Any) -> Finding:
@@ -194,8 +194,8 @@ def test_every_verdict_is_a_junit_document_whose_counts_hold(verdict: Verdict) -
     root = ElementTree.fromstring(junit_xml(graded(verdict)))
     check_shape(root)
     [suite] = root
-    found = {kind: len(suite.findall(f"testcase/{kind}")) for kind in ("failure", "error", "skipped")}
-    assert [suite.attrib[name] for name in ("failures", "errors", "skipped")] == [str(n) for n in found.values()]
+    counts = {kind: len(suite.findall(f"testcase/{kind}")) for kind in ("failure", "error", "skipped")}
+    assert [suite.attrib[name] for name in ("failures", "errors", "skipped")] == [str(n) for n in counts.values()]
     assert root.attrib.items() <= suite.attrib.items() | {("name", "grader")}
     assert int(suite.attrib["tests"]) == len(verdict.findings) + 1
     names = [case.attrib["name"] for case in suite.findall("testcase")]

@@ -121,12 +121,12 @@ def descendants(pid: int) -> set[int]:
             except (FileNotFoundError, ProcessLookupError):
                 continue
             parents.setdefault(int(stat[1]), []).append(int(entry.name))
-    found, queue = set[int](), [pid]
+    pids, queue = set[int](), [pid]
     while queue:
         children = parents.get(queue.pop(), [])
-        found.update(children)
+        pids.update(children)
         queue += children
-    return found
+    return pids
 
 
 def resident_kb(pid: int) -> int:

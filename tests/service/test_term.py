@@ -106,11 +106,11 @@ class Term:
         made = self.teacher.post(f"{API}/regrades", json=body)
         assert made.status_code == 202, made.text
         deadline = time.monotonic() + 120
-        while (found := self.teacher.get(made.headers["location"]).json())["status"] not in ("done", "failed"):
-            assert time.monotonic() < deadline, found
+        while (state := self.teacher.get(made.headers["location"]).json())["status"] not in ("done", "failed"):
+            assert time.monotonic() < deadline, state
             time.sleep(0.05)
-        assert found["status"] == "done"
-        return dict(found)
+        assert state["status"] == "done"
+        return dict(state)
 
 
 def answer(question: str, draw: random.Random) -> Any:
@@ -137,8 +137,8 @@ def expected(term: Term, name: str, quiz_id: str, question: str, key: int) -> fl
 
 def check(term: Term, mended_key: int, essays: dict[str, float]) -> None:
     """Compares every cell of the gradebook with `expected`."""
-    found = {row["user"]: row for row in csv.DictReader(io.StringIO(term.gradebook()))}
-    assert sorted(found) == LEARNERS
+    by_user = {row["user"]: row for row in csv.DictReader(io.StringIO(term.gradebook()))}
+    assert sorted(by_user) == LEARNERS
     columns = [(quiz_id, question) for quiz_id in POLICIES for question in ("choice", "number")]
     for name in LEARNERS:
         wanted = {
@@ -146,7 +146,7 @@ def check(term: Term, mended_key: int, essays: dict[str, float]) -> None:
             for quiz_id, question in [*columns, ("growing", "later")]
         }
         wanted["plain/essay"] = essays.get(name)
-        cells = {column: found[name].get(column, "") for column in wanted}
+        cells = {column: by_user[name].get(column, "") for column in wanted}
         assert {column: float(cell) if cell else None for column, cell in cells.items()} == wanted
 
 

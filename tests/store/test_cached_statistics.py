@@ -95,8 +95,8 @@ def count_one_by_one(rows: list[ResultRow]) -> QuizStatistics:
         points[row.learner] += row.points
         max_points[row.learner] += row.max_points
     names = sorted({row.question for row in rows})
-    found = [count_question([row for row in rows if row.question == name], points, max_points) for name in names]
-    return QuizStatistics(len(points), tuple(found))
+    questions = [count_question([row for row in rows if row.question == name], points, max_points) for name in names]
+    return QuizStatistics(len(points), tuple(questions))
 
 
 def count_question(

@@ -72,7 +72,7 @@ def fill(connection: Connection, filled: list[Table] | None = None) -> list[Tabl
 def shape(connection: Connection) -> dict[str, Any]:
     """Columns, keys, indices and triggers of every table; the order of columns does not matter."""
     seen = inspect(connection)
-    found: dict[str, Any] = {}
+    by_table: dict[str, Any] = {}
     for table in seen.get_table_names():
         columns = {column["name"]: (str(column["type"]), column["nullable"]) for column in seen.get_columns(table)}
         keys = sorted(
@@ -85,14 +85,14 @@ def shape(connection: Connection) -> dict[str, Any]:
             for index in seen.get_indexes(table)
         }
         primary = sorted(seen.get_pk_constraint(table)["constrained_columns"])
-        found[table] = (columns, primary, keys, unique, indices)
+        by_table[table] = (columns, primary, keys, unique, indices)
     triggers = {
         "sqlite": "SELECT name, sql FROM sqlite_master WHERE type = 'trigger'",
         "postgresql": "SELECT tgname, pg_get_triggerdef(pg_trigger.oid) FROM pg_trigger JOIN pg_class "
         "ON pg_class.oid = tgrelid WHERE NOT tgisinternal AND relnamespace = current_schema()::regnamespace",
     }
-    found["triggers"] = sorted(map(tuple, connection.execute(text(triggers[connection.dialect.name]))))
-    return found
+    by_table["triggers"] = sorted(map(tuple, connection.execute(text(triggers[connection.dialect.name]))))
+    return by_table
 
 
 def test_the_newest_revision_is_read_off_the_names_of_the_files() -> None:
@@ -101,20 +101,20 @@ def test_the_newest_revision_is_read_off_the_names_of_the_files() -> None:
 
 def test_an_empty_sqlite_file_gets_the_very_tables_that_all_revisions_make(tmp_path: Path) -> None:
     made = text("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL ORDER BY sql LIKE 'CREATE TABLE%' DESC, name")
-    found: dict[str, list[str]] = {}
+    statements: dict[str, list[str]] = {}
     ways: dict[str, list[Any]] = {"one by one": revisions.list_revisions(), "at once": [None]}
     for way, targets in ways.items():
         with closing(Database(f"sqlite:///{tmp_path / way}.db")) as database:
             for target in targets:
                 database.migrate(target)
             with database.engine.connect() as connection:
-                found[way] = [*map(str, connection.scalars(made))]
+                statements[way] = [*map(str, connection.scalars(made))]
                 assert revisions.find_current(connection) == revisions.find_newest()
                 shapes = shape(connection)
         if way == "one by one" and os.environ.get("GRADER_TEST_REWRITE"):
-            Path(str(revisions.NEWEST_TABLES)).write_text(";\n\n".join(found[way]) + ";\n", encoding="utf-8")
+            Path(str(revisions.NEWEST_TABLES)).write_text(";\n\n".join(statements[way]) + ";\n", encoding="utf-8")
     assert len(shapes) > 30
-    assert found["at once"] == found["one by one"], "run this test with GRADER_TEST_REWRITE=1"
+    assert statements["at once"] == statements["one by one"], "run this test with GRADER_TEST_REWRITE=1"
 
 
 def test_every_revision_down_and_up_again_with_rows_in_every_table(database: Database) -> None:

@@ -114,6 +114,6 @@ def test_sums_by_quiz_are_those_of_a_computation_from_scratch(database: Database
             )}
             for learner in learners for several in [theirs[learner]] if several
         }  # fmt: skip
-        found = results.sums_of_learners(session, wanted, learners)
-    assert {learner: sums for learner, sums in found.items() if sums} == expected
+        by_learner = results.sums_of_learners(session, wanted, learners)
+    assert {learner: sums for learner, sums in by_learner.items() if sums} == expected
     assert unseen

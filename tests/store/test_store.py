@@ -208,10 +208,10 @@ def test_answers_are_found_by_the_name_that_their_member_has_now(database: Datab
         session.add(Member(id="ann", course="c", name="bea", role="student"))
         session.add(Member(id="other", course="other", name="bea", role="student"))
     with database.read() as session:
-        for name, found in (("bea", [kept.id]), ("ann", []), ("none", [])):
+        for name, ids in (("bea", [kept.id]), ("ann", []), ("none", [])):
             wanted = SubmissionFilter("c", name)
-            assert [row.id for row in submissions.page(session, wanted, None, 3)] == found
-            assert submissions.count_pending(session, wanted) == len(found)
+            assert [row.id for row in submissions.page(session, wanted, None, 3)] == ids
+            assert submissions.count_pending(session, wanted) == len(ids)
 
 
 def test_named_locks_make_writers_wait_for_each_other(database: Database) -> None:
@@ -236,11 +236,11 @@ def test_a_database_has_one_secret_even_for_processes_that_start_together(databa
     url = database.engine.url.render_as_string(hide_password=False)
     others = [Database(url) for _ in range(4)]
     with ThreadPoolExecutor(4) as pool:
-        found = set(pool.map(hidden_case_secret, others))
+        hidden_secrets = set(pool.map(hidden_case_secret, others))
     for other in others:
         other.close()
-    assert len(found) == 1
-    assert len(found.pop()) == 32
+    assert len(hidden_secrets) == 1
+    assert len(hidden_secrets.pop()) == 32
 
 
 def test_ids_sort_by_time_and_differ() -> None:

@@ -19,14 +19,14 @@ CONSTANT = ("pressed_limit", "resting_sphere", "closed_loop")
 
 def active_sets(scene: str) -> set[tuple[int, ...]]:
     """The kinds of constraint rows that push, at every step of a run at the smallest timestep."""
-    start, found = load_scene(scene), set()
+    start, sets = load_scene(scene), set()
     with start.borrow(timestep_s=TIMESTEPS_S[-1], integrator=BY_NAME["RK4"].code) as workspace:
         model, data = workspace.model, workspace.data
         for _ in range(round(HORIZON_S / TIMESTEPS_S[-1])):
             mujoco.mj_step(model, data)
             quadratic = data.efc_state[: data.nefc] == mujoco.mjtConstraintState.mjCNSTRSTATE_QUADRATIC
-            found.add(tuple(data.efc_type[: data.nefc][quadratic].tolist()))
-    return found
+            sets.add(tuple(data.efc_type[: data.nefc][quadratic].tolist()))
+    return sets
 
 
 @cache

@@ -23,11 +23,11 @@ def test_every_timestep_divides_the_sampling_interval() -> None:
 
 def test_a_summary_keeps_errors_and_ratios_by_scene_precision_and_size() -> None:
     timed = {"ratio": 2.0, "interval": [1.9, 2.1], "pairs": [2.0]}
-    found = batches.summarise({
+    summary = batches.summarise({
         batches.Precision("spinning_body", 32): {"errors": [1e-5], "mujoco": [1e-6]},
         batches.Batch("spinning_body", 32, 128): timed,
     })  # fmt: skip
-    assert found["scenes"]["spinning_body"]["32"] == {
+    assert summary["scenes"]["spinning_body"]["32"] == {
         "errors": [1e-5],
         "mujoco": [1e-6],
         "batches": {"128": {"ratio": 2.0, "interval": [1.9, 2.1]}},

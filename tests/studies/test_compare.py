@@ -15,12 +15,12 @@ DOCS = Path(__file__).parents[2] / "docs"
 @pytest.fixture
 def theirs() -> Any:
     """The committed skip study on another processor, its ratios of one scene doubled."""
-    found = load_results(DOCS / "measured")["skip"]
-    found["machine"] |= {"processor": "Another", "cores": 8}
-    for saving in found["scenes"]["cube"]["savings"].values():
+    results = load_results(DOCS / "measured")["skip"]
+    results["machine"] |= {"processor": "Another", "cores": 8}
+    for saving in results["scenes"]["cube"]["savings"].values():
         saving["ratio"] *= 2
         saving["interval"] = [2 * end for end in saving["interval"]]
-    return found
+    return results
 
 
 def test_ratios_that_lie_apart_are_counted_and_the_furthest_is_named(theirs: Any) -> None:

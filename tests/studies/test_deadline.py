@@ -144,12 +144,12 @@ def test_a_class_hands_in_a_quarter_in_the_last_minutes() -> None:
 @pytest.mark.slow
 def test_more_cores_wait_less_and_what_is_too_slow_is_late() -> None:
     """Source: a rush of 5,000 scripts of 2 s takes two cores 5,000 s, of which 600 s are before the deadline."""
-    found = summarise_script({"cpu_s": 2.0 * BUSY})
-    machines = found["machines"]
+    summary = summarise_script({"cpu_s": 2.0 * BUSY})
+    machines = summary["machines"]
     assert machines["2"]["last_verdict_s"] == pytest.approx(5000 - 600, rel=0.02)
     assert machines["2"]["median_s"] > machines["4"]["median_s"] > machines["16"]["median_s"]
     assert machines["16"]["last_verdict_s"] == pytest.approx(5000 / 8 - 600, abs=15)
-    assert found["cpu_hours"] == pytest.approx(20_000 * 2 * BUSY / 3600)
+    assert summary["cpu_hours"] == pytest.approx(20_000 * 2 * BUSY / 3600)
 
 
 @pytest.mark.slow
@@ -190,10 +190,10 @@ def test_the_study_measures_the_real_server(monkeypatch: pytest.MonkeyPatch) -> 
 
         monkeypatch.setattr(deadline, "serve_clients", share)
         records = {key: key.measure(True, {}) for key in keys}
-    summary, found = summarise(records), records[keys[-1]]
+    summary, record = summarise(records), records[keys[-1]]
     assert summary["scripts"]["reference"]["cpu_s"] > 0
     assert 50 < summary["memory_mb"]["process"] < 500
     assert 50 < summary["memory_mb"]["server"] < 1000
     for who in ("greedy", "others"):
-        measured, simulated = (found[f"{who}_{kind}_median_s"] for kind in ("measured", "simulated"))
+        measured, simulated = (record[f"{who}_{kind}_median_s"] for kind in ("measured", "simulated"))
         assert 0.2 < measured / simulated < 5

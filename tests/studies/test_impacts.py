@@ -61,16 +61,16 @@ def test_median_and_bound_are_those_of_a_known_distribution() -> None:
     """A uniform error of up to h has the median h / 2, the 95th percentile 0.95 h, and the order 1."""
     timesteps_s = (0.004, 0.002, 0.001)
     shares = (np.arange(1000) + 0.5) / 1000
-    found = summarise_errors([(h * shares).tolist() for h in timesteps_s], timesteps_s)
-    assert found["median"] == pytest.approx([h / 2 for h in timesteps_s], rel=2e-3)
-    assert found["high"] == pytest.approx([0.95 * h for h in timesteps_s], rel=2e-3)
-    assert found["orders"]["high"]["order"] == pytest.approx(1, abs=1e-9)
+    summary = summarise_errors([(h * shares).tolist() for h in timesteps_s], timesteps_s)
+    assert summary["median"] == pytest.approx([h / 2 for h in timesteps_s], rel=2e-3)
+    assert summary["high"] == pytest.approx([0.95 * h for h in timesteps_s], rel=2e-3)
+    assert summary["orders"]["high"]["order"] == pytest.approx(1, abs=1e-9)
 
 
 def test_a_run_that_warned_is_larger_than_any_error() -> None:
     errors: list[list[float | None]] = [[None] * 3 + [1e-3] * 17, [1e-3] * 20, [1e-3] * 20]
-    found = summarise_errors(errors, (0.004, 0.002, 0.001))
-    assert found["warned"] == 3
-    assert found["median"][0] == 1e-3
-    assert found["high"][0] is None
-    assert "high" not in found["orders"]
+    summary = summarise_errors(errors, (0.004, 0.002, 0.001))
+    assert summary["warned"] == 3
+    assert summary["median"][0] == 1e-3
+    assert summary["high"][0] is None
+    assert "high" not in summary["orders"]

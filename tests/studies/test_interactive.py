@@ -38,10 +38,12 @@ def test_the_page_is_the_rendering_of_the_results_and_asks_for_nothing_else() ->
 
 def test_each_point_is_in_the_results() -> None:
     points = collect_points(RESULTS)
-    found = RESULTS["quantities"]
-    assert len(points) == sum(len(scene["errors"]) for scene in found["scenes"].values()) * len(found["timesteps_s"])
+    quantities = RESULTS["quantities"]
+    assert len(points) == sum(len(scene["errors"]) for scene in quantities["scenes"].values()) * len(
+        quantities["timesteps_s"]
+    )
     point = next(one for one in points if (one["scene"], one["integrator"], one["ms"]) == ("cube", "RK4", 2.0))
-    scene = found["scenes"]["cube"]
+    scene = quantities["scenes"]["cube"]
     assert point["errors"] == {name: own[3] for name, own in scene["errors"]["RK4"].items()}
     assert point["orders"]["violation"] == scene["orders"]["RK4"]["violation"]["order"]
 

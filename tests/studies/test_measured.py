@@ -70,8 +70,8 @@ def test_the_page_is_the_rendering_of_the_results(page: str) -> None:
 
 def test_the_pages_use_every_block_claim_and_picture() -> None:
     text = "\n".join((ROOT / page).read_text(encoding="utf-8") for page in PAGES)
-    assert {found[1] for found in MARKED.findall(text)} == set(BLOCKS)
-    assert sorted(found[1] for found in CLAIMED.findall(text)) == sorted(CLAIMS)
+    assert {match[1] for match in MARKED.findall(text)} == set(BLOCKS)
+    assert sorted(match[1] for match in CLAIMED.findall(text)) == sorted(CLAIMS)
     assert not re.search(r"^ *<!--=", text, re.MULTILINE), "Markdown takes such a line for HTML"
     pictures = {path.name: path.stat().st_size for path in KEPT.glob("*.png")}
     assert set(PICTURE.findall(text)) == set(pictures)
@@ -183,10 +183,10 @@ def averaged() -> str:
     for number in range(8):
         scene = load_scene("joint_limits").at(qpos=[1.5 + 0.003 * number, 0.5])
         truth, _, _ = precision.through_impacts(scene)
-        for integrator, found in squares.items():
+        for integrator, errors in squares.items():
             settings = [precision.Setting("joint_limits", integrator, h) for h in timesteps_s]
-            found.append([setting.error(truth, scene)["error"] ** 2 for setting in settings])
-    fits = {name: fit_order(timesteps_s, np.sqrt(np.mean(found, axis=0))) for name, found in squares.items()}
+            errors.append([setting.error(truth, scene)["error"] ** 2 for setting in settings])
+    fits = {name: fit_order(timesteps_s, np.sqrt(np.mean(errors, axis=0))) for name, errors in squares.items()}
     assert all(fit.high - fit.low < 0.3 for fit in fits.values())
     return (
         f"Averaged over {len(squares['RK4'])} starts, whose impacts fall at other phases of a step, RK4 shows order "

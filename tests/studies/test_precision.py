@@ -56,9 +56,9 @@ def test_every_timestep_divides_the_sampling_interval() -> None:
 @pytest.mark.parametrize("name", ["servo", "spinning_body"])
 def test_two_peers_meet_at_the_reference(name: str) -> None:
     scene = load_scene(name)
-    found = Truth(name).measure(False, {})
-    truth = np.array(found["qpos"])
-    assert found["own_error"] < 1e-10
+    record = Truth(name).measure(False, {})
+    truth = np.array(record["qpos"])
+    assert record["own_error"] < 1e-10
     for run in (make_by_hand(name, scene, "LSODA"), make_over_mj_forward(scene, "DOP853")):
         assert measure_position_distance(scene, run(1e-10, SAMPLE_TIMES_S), truth) < 1e-7
 
@@ -66,10 +66,10 @@ def test_two_peers_meet_at_the_reference(name: str) -> None:
 @pytest.mark.slow
 def test_the_reference_goes_through_impacts() -> None:
     scene = load_scene("joint_limits")
-    found = Truth("joint_limits").measure(False, {})
-    assert found["own_error"] < 1e-9
+    record = Truth("joint_limits").measure(False, {})
+    assert record["own_error"] < 1e-9
     finest = make_python_loop(scene, "RK4")(TIMESTEPS_S[-1], SAMPLE_TIMES_S)
-    assert measure_position_distance(scene, finest, np.array(found["qpos"])) < 1e-4
+    assert measure_position_distance(scene, finest, np.array(record["qpos"])) < 1e-4
 
 
 def test_rotations_are_compared_as_rotations() -> None:

@@ -17,8 +17,8 @@ from grader.studies.bench.scenes import load_scene
 
 
 def test_each_scene_has_the_quantities_that_mean_something() -> None:
-    found = {name: list_quantities(load_scene(name))[2:] for name in SCENES}
-    assert found == {
+    quantities = {name: list_quantities(load_scene(name))[2:] for name in SCENES}
+    assert quantities == {
         "double_pendulum": ["energy"],
         "servo": [],
         "stiff_servo": [],
@@ -50,9 +50,9 @@ def test_errors_are_the_differences_of_the_states() -> None:
     scene = load_scene("double_pendulum")
     one, other = np.zeros((2, 4)), np.zeros((2, 4))
     other[1] = [0.0, 0.0, 0.0, 0.2]
-    found = measure_errors(scene, one, other)
+    errors = measure_errors(scene, one, other)
     # The lower bob of 1 kg moves with 0.3 m x 0.2 rad/s; its own inertia is 1e-4.
-    assert found == pytest.approx({"position": 0, "velocity": 0.2, "energy": (0.3**2 + 1e-4) * 0.2**2 / 2})
+    assert errors == pytest.approx({"position": 0, "velocity": 0.2, "energy": (0.3**2 + 1e-4) * 0.2**2 / 2})
 
 
 def test_a_smooth_scene_has_its_orders_and_bits_that_repeat() -> None:

@@ -26,9 +26,9 @@ from support.databases import BACKENDS
 def test_answers_are_measured_beside_both_bare_routes(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(answers, "LEARNERS", 10)
     monkeypatch.setattr(answers, "WARM_UP_S", 0.1)
-    found = Beside(backend, 2)
-    record = found.measure(True, {})
-    rows = {row["server"]: row for row in found.rows(record)}
+    study = Beside(backend, 2)
+    record = study.measure(True, {})
+    rows = {row["server"]: row for row in study.rows(record)}
     assert set(rows) == {"service", "each", "gathered"}
     for row in rows.values():
         assert row["submissions"] > 0 and row["cpu_s"] > 0
@@ -58,17 +58,17 @@ def test_a_class_answers_every_kind_and_types_new_numbers(tmp_path: Path) -> Non
 @pytest.mark.slow
 def test_a_queue_is_worked_off_by_more_and_more_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "WORKER_COUNTS", (1, 2))
-    found = Workers("empty").measure(True, {})
-    assert [run["workers"] for run in found["runs"]] == [1, 2]
-    assert found["runs"][0]["ratio"] == 1
-    assert all(run["per_second"] > 0 and run["cores"] > 0 for run in found["runs"])
+    record = Workers("empty").measure(True, {})
+    assert [run["workers"] for run in record["runs"]] == [1, 2]
+    assert record["runs"][0]["ratio"] == 1
+    assert all(run["per_second"] > 0 and run["cores"] > 0 for run in record["runs"])
 
 
 @pytest.mark.slow
 def test_a_script_is_measured_beside_its_bare_function() -> None:
     """On SQLite: the same server is measured on PostgreSQL with the answers above."""
-    found = Script("servo-threshold", "whole_runs_in_one_call", "sqlite")
-    (row,) = found.rows(found.measure(True, {}))
+    study = Script("servo-threshold", "whole_runs_in_one_call", "sqlite")
+    (row,) = study.rows(study.measure(True, {}))
     parts = ("whole", "child", "judge", "service")
     assert all(row[f"{part}_s"] > 0 and row[f"{part}_ratio"] > 0 for part in parts)
     assert row["child_ratio"] > 1  # the bare function is a part of it
@@ -78,9 +78,9 @@ def test_a_script_is_measured_beside_its_bare_function() -> None:
 
 @pytest.mark.slow
 def test_the_same_is_measured_without_a_server() -> None:
-    found = compare_with_bare("servo-threshold", "whole_runs_in_one_call", "child", 2)
-    assert len(found.pairs) == 2
-    assert all(0 < pair < 3 for pair in found.pairs)  # below 1 where nothing else runs
+    ratio = compare_with_bare("servo-threshold", "whole_runs_in_one_call", "child", 2)
+    assert len(ratio.pairs) == 2
+    assert all(0 < pair < 3 for pair in ratio.pairs)  # below 1 where nothing else runs
 
 
 def test_every_exercise_of_the_first_lesson_is_measured() -> None:

@@ -46,11 +46,11 @@ def test_a_ratio_is_a_ratio() -> None:
     def turns(count: int) -> int:
         return sum(index * index for index in range(count))
 
-    found = measure_pairs(lambda: turns(30_000), lambda: turns(10_000), budget_s=0.2)
-    assert 2 < found.ratio < 4.5
-    assert found.interval[0] <= found.ratio <= found.interval[1]
-    assert found.ratio == np.median(found.pairs)
-    assert LEAST <= len(found.pairs) <= MOST
+    ratio = measure_pairs(lambda: turns(30_000), lambda: turns(10_000), budget_s=0.2)
+    assert 2 < ratio.ratio < 4.5
+    assert ratio.interval[0] <= ratio.ratio <= ratio.interval[1]
+    assert ratio.ratio == np.median(ratio.pairs)
+    assert LEAST <= len(ratio.pairs) <= MOST
 
 
 @pytest.fixture

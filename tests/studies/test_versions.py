@@ -19,9 +19,9 @@ OLD, NEW = "3.14.0", "4.0.0"
 
 
 def row(scene: str, version: str) -> str:
-    found = VERSIONS[version][scene]
-    errors = " | ".join(f"{error:.1e}" for error in found["errors"])
-    return f"| {describe_scene(scene)} | {version} | {errors} | {found['order']:.2f} |"
+    row_values = VERSIONS[version][scene]
+    errors = " | ".join(f"{error:.1e}" for error in row_values["errors"])
+    return f"| {describe_scene(scene)} | {version} | {errors} | {row_values['order']:.2f} |"
 
 
 def test_the_table_is_that_of_the_results() -> None:
@@ -45,9 +45,9 @@ def test_the_sentence_is_that_of_the_results() -> None:
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_installed_version_measures_the_same(scene: str) -> None:
     """The error at the smallest timestep comes within ten times of that of the reference."""
-    found, kept = measure_errors(scene), VERSIONS[INSTALLED][scene]
-    assert found["errors"][:-1] == pytest.approx(kept["errors"][:-1], rel=0.01)
-    assert found["order"] == pytest.approx(kept["order"], abs=0.02)
+    measured, kept = measure_errors(scene), VERSIONS[INSTALLED][scene]
+    assert measured["errors"][:-1] == pytest.approx(kept["errors"][:-1], rel=0.01)
+    assert measured["order"] == pytest.approx(kept["order"], abs=0.02)
 
 
 def test_a_version_writes_its_own_row_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,6 +58,6 @@ def test_a_version_writes_its_own_row_alone(tmp_path: Path, monkeypatch: pytest.
     path = tmp_path / "versions.json"
     path.write_text(json.dumps(RESULTS))
     main(path)
-    found = json.loads(path.read_text())["versions"]
+    versions = json.loads(path.read_text())["versions"]
     digests = {"servo": {kind: f"servo{kind}" for kind in BY_NAME}}
-    assert found == {**VERSIONS, "5.0.0": {scene: scene for scene in SCENES} | {"digests": digests}}
+    assert versions == {**VERSIONS, "5.0.0": {scene: scene for scene in SCENES} | {"digests": digests}}

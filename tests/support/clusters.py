@@ -124,7 +124,7 @@ def replicated() -> Iterator[Pair]:
 
 def server_program(name: str) -> str:
     """A program of PostgreSQL's server, which Debian keeps out of the path."""
-    found = sorted(Path("/usr/lib/postgresql").glob(f"*/bin/{name}"), key=lambda path: int(path.parts[4]))
-    if not found:
+    programs = sorted(Path("/usr/lib/postgresql").glob(f"*/bin/{name}"), key=lambda path: int(path.parts[4]))
+    if not programs:
         pytest.skip(f"there is no {name}: the package postgresql is not installed")
-    return str(found[-1])
+    return str(programs[-1])

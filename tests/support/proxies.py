@@ -54,9 +54,9 @@ def adapted(name: str, changes: Mapping[str, str]) -> str:
 
 
 def program(name: str) -> str:
-    found = shutil.which(name, path=PATH)
-    assert found, f"{name} is missing: `make test` installs it"
-    return found
+    program = shutil.which(name, path=PATH)
+    assert program, f"{name} is missing: `make test` installs it"
+    return program
 
 
 @contextmanager

@@ -118,7 +118,7 @@ def handed_in(client: httpx.Client, source: str) -> httpx.Response:
 
 def descendants(pid: int) -> list[tuple[int, str]]:
     """The processes below `pid` and their command lines, parents first."""
-    found = []
+    children = []
     for child in Path(f"/proc/{pid}/task").glob("*/children"):
         try:
             pids = [int(one) for one in child.read_text().split()]
@@ -129,8 +129,8 @@ def descendants(pid: int) -> list[tuple[int, str]]:
                 command = Path(f"/proc/{one}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
             except OSError:
                 continue
-            found += [(one, command), *descendants(one)]
-    return found
+            children += [(one, command), *descendants(one)]
+    return children
 
 
 def kill_grading_process(server: int, draw: random.Random) -> None:

@@ -109,11 +109,11 @@ def bounded(seconds: float = TEST_S) -> Iterator[None]:
 def chromium(*more: str) -> Iterator[Chromium]:
     """A browser; `more` are further options."""
     with sync_playwright() as playwright:
-        found = Chromium(playwright, more)
+        browser = Chromium(playwright, more)
         try:
-            yield found
+            yield browser
         finally:
-            found.browser.close()
+            browser.browser.close()
 
 
 LYING_ON_OTHERS = """picture => {
@@ -140,6 +140,6 @@ def findings(page: Page, *, contrast: bool = True) -> list[tuple[str, list[str]]
         page.evaluate(Axe().axe_script)
     rules = {"region": {"enabled": True}, "color-contrast": {"enabled": contrast}}
     options = {"rules": rules, "resultTypes": wanted}
-    found = page.evaluate("options => axe.run(options)", options)
-    undecided = [one for one in found["incomplete"] if one["id"] != "color-contrast"]
-    return [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in [*found["violations"], *undecided]]
+    report = page.evaluate("options => axe.run(options)", options)
+    undecided = [one for one in report["incomplete"] if one["id"] != "color-contrast"]
+    return [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in [*report["violations"], *undecided]]

@@ -46,9 +46,9 @@ def state(origin: str, browser: Chromium) -> Any:
         page.locator("textarea.code").fill(source)
         page.get_by_role("button", name="Run and judge").click()
         expect(page.locator("#result .verdict")).to_be_visible()
-    found = context.storage_state()
+    stored = context.storage_state()
     context.close()
-    return found
+    return stored
 
 
 def open_page(browser: Chromium, origin: str, state: Any, **options: Any) -> tuple[BrowserContext, Page, list[str]]:

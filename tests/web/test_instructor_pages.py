@@ -121,15 +121,15 @@ def test_statistics_tell_mistakes_options_wrong_numbers_and_intervals(site: Site
         answer(site.client(name), "small", "q1", choice)
         answer(site.client(name), "small", "q2", number)
     answer(site.client("ann"), "small", "q4", "Because.")
-    told = words(page(tina, "/instructor/statistics?quiz=small"))
-    assert "no question is clearly the hardest, as intervals overlap" in told
-    assert "20 % (4 to 62 %, n = 5)" in told
-    told = re.sub(r" learners?: see who", "", told)  # what the link on a count says
-    assert re.search(r"Option chosen first Learners a 1 b right 3 c 1", told)
+    text = words(page(tina, "/instructor/statistics?quiz=small"))
+    assert "no question is clearly the hardest, as intervals overlap" in text
+    assert "20 % (4 to 62 %, n = 5)" in text
+    text = re.sub(r" learners?: see who", "", text)  # what the link on a count says
+    assert re.search(r"Option chosen first Learners a 1 b right 3 c 1", text)
     assert re.search(
-        r"off by a power of ten .* 2 Wrong number that several gave first Learners 7.005 ms 2 50 ms 2", told
+        r"off by a power of ten .* 2 Wrong number that several gave first Learners 7.005 ms 2 50 ms 2", text
     )
-    assert "No decided answer yet to: What then?; Why?" in told  # what waits for a person has no points yet
+    assert "No decided answer yet to: What then?; Why?" in text  # what waits for a person has no points yet
     assert browser(site, "ann").get("/instructor/statistics").status_code == 403
 
 
@@ -189,11 +189,11 @@ def test_an_instructor_sees_what_the_policy_shows_the_learner_and_sends_nothing(
     path = f"/instructor/learners/{made['learner']}"
     assert "/lessons/2" in page(tina, path)
     response = tina.get(f"{path}/lessons/2")
-    told = words(response.text)
-    assert "sees it now. Nothing can be sent from here." in told
-    assert "you see how it was graded once the results are published" in told
-    assert "Not correct" not in told
-    assert "SECRET" not in told
+    text = words(response.text)
+    assert "sees it now. Nothing can be sent from here." in text
+    assert "you see how it was graded once the results are published" in text
+    assert "Not correct" not in text
+    assert "SECRET" not in text
     assert HOSTILE not in response.text
     assert "form-action 'none'" in response.headers["content-security-policy"]
     assert re.findall(r"<form[^>]*(?:method|action)", response.text) == []
@@ -272,12 +272,12 @@ def test_learners_of_one_name_are_told_apart_wherever_they_are_named(site: Site,
 def test_a_reviewer_reads_when_the_learner_can_see_the_decision(site: Site, tina: httpx.Client) -> None:
     ann = site.client("ann")
     held, shown = (answer(ann, quiz, name, 0)["id"] for quiz, name in (("2-graded", "which"), ("small", "q1")))
-    told = words(page(tina, f"/instructor/review/{held}?which=submissions&said=decided"))
-    assert "Decided. The learner can see it once the feedback of the quiz is published, on the page Extensions." in told
+    text = words(page(tina, f"/instructor/review/{held}?which=submissions&said=decided"))
+    assert "Decided. The learner can see it once the feedback of the quiz is published, on the page Extensions." in text
     tina.put(f"{API}/quizzes/2-graded/publication")
     for one in (held, shown):
-        told = words(page(tina, f"/instructor/review/{one}?which=submissions&said=decided"))
-        assert "Decided. The learner can see it now." in told
+        text = words(page(tina, f"/instructor/review/{one}?which=submissions&said=decided"))
+        assert "Decided. The learner can see it now." in text
 
 
 def test_an_extension_is_given_refused_and_taken_back(site: Site, tina: httpx.Client) -> None:
@@ -289,8 +289,8 @@ def test_an_extension_is_given_refused_and_taken_back(site: Site, tina: httpx.Cl
         assert (refused.status_code, "Check " + next(iter(wrong)) in refused.text) == (422, True)
     given = {**form, "due": "2101-02-03T04:05", "attempts": "2"}
     assert "ann: due Thu 3 Feb 2101, 04:05 UTC , 2 further attempts" in words(tina.post(address, data=given).text)
-    told = words(page(tina, f"{address}?quiz=2-graded"))
-    assert "ann Thu 3 Feb 2101, 04:05 UTC – 2 tina" in told
+    text = words(page(tina, f"{address}?quiz=2-graded"))
+    assert "ann Thu 3 Feb 2101, 04:05 UTC – 2 tina" in text
     assert tina.get(f"{API}/quizzes/2-graded/extensions").json()["items"][0]["attempts"] == 2
     early = words(tina.post(address, data={**given, "due": "2099-12-31T00:00"}).text)
     assert "due Thu 31 Dec 2099, 00:00 UTC changes nothing: the quiz itself has Fri 1 Jan 2100, 00:00 UTC ." in early
@@ -330,9 +330,9 @@ def test_several_learners_get_an_extension_at_once_or_none_does(site: Site, tina
         assert (refused.status_code, why in refused.text) == (422, True)
         assert tina.get(kept).json()["items"] == []
     ticked = {**wanted, f"learner-{ids['ann']}": "yes", "names": f" bob \nann\n\nKim …{last[-4:]}"}
-    told = words(tina.post(address, data=ticked).text)
+    text = words(tina.post(address, data=ticked).text)
     for name in ("ann", "bob", f"Kim …{last[-4:]}"):
-        assert f"{name}: 2 further attempts" in told
+        assert f"{name}: 2 further attempts" in text
     assert {item["learner"] for item in tina.get(kept).json()["items"]} == {ids["ann"], ids["bob"], last}
 
 
@@ -361,17 +361,17 @@ def test_the_feedback_is_published_and_withheld_by_form(site: Site, tina: httpx.
 
 
 def test_the_service_page_tells_workers_and_the_queue(site: Site, tina: httpx.Client) -> None:
-    told = words(page(tina, "/instructor/service"))
-    assert "No worker is running : scripts wait until one is started." in told
-    assert "Scripts to grade 0 0 –" in told
+    text = words(page(tina, "/instructor/service"))
+    assert "No worker is running : scripts wait until one is started." in text
+    assert "Scripts to grade 0 0 –" in text
     assert browser(site, "ann").post("/instructor/service/deliveries/1/replay").status_code == 403
     assert tina.post(f"/instructor/service/deliveries/{2**70}/replay").status_code == 422
 
 
 def test_content_tells_digests_and_keys_that_no_simulation_confirms(tina: httpx.Client) -> None:
     assert "The course has no learners yet" in words(page(tina, "/instructor"))
-    told = words(page(tina, "/instructor/content"))
-    assert "A small quiz small 4 1 Gradebook Plots" in told
+    text = words(page(tina, "/instructor/content"))
+    assert "A small quiz small 4 1 Gradebook Plots" in text
     keys = words(page(tina, "/instructor/certificates"))
     assert "How long? small q2 not derivable by simulation No simulation confirms this key" in keys
 
@@ -389,11 +389,11 @@ def test_content_that_was_refused_is_told_until_it_is_mended(site: Site, tina: h
         path.write_text(json.dumps({**GRADED, "questions": [question]}))
         assert tina.post(f"{API}/content:reload").status_code == 422
         for address in ("/instructor", "/instructor/content"):
-            told = words(page(tina, address))
-            assert "The changed content was refused" in told
-            assert why in told
-            assert address != "/instructor" or "measured:" not in told
-            assert "Graded" in told or address == "/instructor"
+            text = words(page(tina, address))
+            assert "The changed content was refused" in text
+            assert why in text
+            assert address != "/instructor" or "measured:" not in text
+            assert "Graded" in text or address == "/instructor"
     again: Any = {"headers": {"Sec-Fetch-Site": "same-origin"}, "follow_redirects": True}
     assert "The changed content was refused" in words(tina.post("/instructor/content", **again).text)
     path.write_text(json.dumps(GRADED))
@@ -408,12 +408,12 @@ def test_a_draft_is_read_previewed_and_published_as_it_was_seen(site: Site, tina
     which, why = GRADED["questions"]
     path.write_text(json.dumps({**GRADED, "questions": [{**which, "answer": 0}, {**why, "q": "Why not?"}, LENGTH]}))
     seen = page(tina, DRAFT)
-    told = words(seen)
-    assert "Which? 2-graded which changed which › answer: before: 1, “b” → now: 0, “a” 1 learner has" in told
-    assert "their verdicts stay until you regrade" in told
-    assert "2-graded why changed why › q: before: Why? → now: Why not? Nobody has answered it yet." in told
-    assert "2-graded length added Learners see it once it is published." in told
-    assert "leads to the regrade of 2-graded/which, which shows" in told
+    text = words(seen)
+    assert "Which? 2-graded which changed which › answer: before: 1, “b” → now: 0, “a” 1 learner has" in text
+    assert "their verdicts stay until you regrade" in text
+    assert "2-graded why changed why › q: before: Why? → now: Why not? Nobody has answered it yet." in text
+    assert "2-graded length added Learners see it once it is published." in text
+    assert "leads to the regrade of 2-graded/which, which shows" in text
     shown = page(tina, f"{DRAFT}/2-graded/length")
     assert "How long is six?" in shown and "certified" in shown and "method=" not in shown.partition("<main")[2]
     assert "6 Correct" in words(page(tina, f"{DRAFT}/2-graded/length?state=right"))
@@ -446,8 +446,8 @@ def test_a_draft_tells_the_remarks_of_what_it_changes_before_publish(site: Site,
     which, why = GRADED["questions"]
     pictured = {**why, "q": "Why? ![a pendulum](images/gone.png) $\\frac{1$"}
     path.write_text(json.dumps({**GRADED, "questions": [which, pictured]}))
-    told = words(page(tina, DRAFT)).partition("Read these remarks first")[2]
-    assert "images/gone.png" in told and "Publish" in told.partition("images/gone.png")[2]
+    text = words(page(tina, DRAFT)).partition("Read these remarks first")[2]
+    assert "images/gone.png" in text and "Publish" in text.partition("images/gone.png")[2]
     path.write_text(json.dumps(GRADED))
 
 
@@ -470,8 +470,8 @@ def test_a_draft_with_faults_is_not_published(site: Site, tina: httpx.Client) ->
     path = site.settings.content / "quizzes" / "2-graded.json"
     for question, why in (({**LENGTH, "answr": 6}, "answr"), ({**LENGTH, "answer": 7}, "length.answer")):
         path.write_text(json.dumps({**GRADED, "questions": [question]}))
-        told = words(page(tina, DRAFT))
-        assert "The folder cannot be published" in told and why in told and "Publish " not in told
+        text = words(page(tina, DRAFT))
+        assert "The folder cannot be published" in text and why in text and "Publish " not in text
         refused = tina.post(DRAFT, data={"revision": "0" * 64})
         assert (refused.status_code, "Nothing was published" in refused.text) == (422, True)
     assert "length.answer" in words(page(tina, DRAFT))
@@ -537,13 +537,13 @@ def test_a_kind_that_cannot_tell_the_chance_of_luck_leaves_the_page_whole(monkey
 
 def test_certificates_say_what_was_simulated_what_came_out_and_how_far_from_the_key() -> None:
     rows = {row["question"]: row["facts"] for row in certificates.list_certificates(load_content("1.3-check"))}
-    told = {name: unspaced(" ".join(line for _, lines in rows[name] for line in lines)) for name in ("q1", "q2", "q3")}
-    assert "mj_fwdPosition changes it first: from 0 contacts to 1 contact." in told["q1"]
-    assert "Stable at 4.995 ms, unstable at 5.005 ms. 5 ms, with a tolerance of 0.05 ms." in told["q2"]
-    assert "0 % of the tolerance." in told["q2"]
-    assert "under the setting of each option, 10 s each. Euler: MuJoCo warned of BADQACC at 0.07 s." in told["q3"]
-    assert "discrete: stable to the end. RK4, which is no option: stable; its limit is 10.22 ms." in told["q3"]
-    assert "“discrete”: the simulation finds the same." in told["q3"]
+    texts = {name: unspaced(" ".join(line for _, lines in rows[name] for line in lines)) for name in ("q1", "q2", "q3")}
+    assert "mj_fwdPosition changes it first: from 0 contacts to 1 contact." in texts["q1"]
+    assert "Stable at 4.995 ms, unstable at 5.005 ms. 5 ms, with a tolerance of 0.05 ms." in texts["q2"]
+    assert "0 % of the tolerance." in texts["q2"]
+    assert "under the setting of each option, 10 s each. Euler: MuJoCo warned of BADQACC at 0.07 s." in texts["q3"]
+    assert "discrete: stable to the end. RK4, which is no option: stable; its limit is 10.22 ms." in texts["q3"]
+    assert "“discrete”: the simulation finds the same." in texts["q3"]
 
 
 MEASURED: dict[str, tuple[dict[str, Any], str]] = {
@@ -633,6 +633,6 @@ def test_the_two_sentences_for_a_class_are_about_two_mistakes(site: Site, tina: 
     for name, numbers in given.items():
         for number in numbers:
             answer(site.client(name), "small", "q2", number)
-    told = words(page(tina, "/instructor/class/small/q2")).partition("What to say on Monday")[2]
-    assert "1 of 5 learners still get this verdict, 1 no longer: “Your number would be right in seconds (s).”" in told
-    assert "3 learners met “Your number is off by a factor of two”; 3 got past it." in told
+    text = words(page(tina, "/instructor/class/small/q2")).partition("What to say on Monday")[2]
+    assert "1 of 5 learners still get this verdict, 1 no longer: “Your number would be right in seconds (s).”" in text
+    assert "3 learners met “Your number is off by a factor of two”; 3 got past it." in text

@@ -19,10 +19,10 @@ ROOT = Path(__file__).parents[2]
 
 def certificates(quiz: str) -> dict[str, dict[str, Any]]:
     library = load_content(quiz)
-    found = certify_quizzes(library, [quiz])
+    certified_keys = certify_quizzes(library, [quiz])
     return {
         certified.question.id: certified.certificate.to_json()
-        for certified in found
+        for certified in certified_keys
         if certified.certificate is not None
     }
 
@@ -40,13 +40,13 @@ def test_a_limit_is_drawn_with_its_bracket() -> None:
 
 @pytest.mark.slow
 def test_a_measured_number_is_drawn_at_each_timestep() -> None:
-    found = certificates("3.1-check")
-    figure = draw_key(found["sag"])
+    by_place = certificates("3.1-check")
+    figure = draw_key(by_place["sag"])
     assert figure is not None
     assert figure.title == "What is measured lies within the key's tolerance"
     assert [row[0] for row in figure.table] == ["Timestep", "h", "h/1.618", "h/2", "h/4", "h, shifted", "h, shifted"]
     assert {row[1] for row in figure.table[1:]} == {"0.108791"}
-    assert draw_key(found["damper"]) is None  # options have no number
+    assert draw_key(by_place["damper"]) is None  # options have no number
 
 
 numbers = st.floats(-1e12, 1e12)

@@ -100,7 +100,7 @@ def servo(page: Page) -> Locator:
     """The servo at a timestep above its limit, after a run below it."""
     lab = opened(page, "servo-stability")
     lab.get_by_label("integrator").select_option("implicitfast")
-    told = lab.locator("[data-message]")
+    message = lab.locator("[data-message]")
     for label, value in (
         ("stiffness kp", "8080"),
         ("damping kv", "5"),
@@ -111,8 +111,8 @@ def servo(page: Page) -> Locator:
         field.fill(value)
         field.press("Tab")
         if value == "0.005":
-            expect(told).to_have_text("No warning within 3 s. implicitfast is stable up to 0.01176 s here.")
-    expect(told).to_contain_text("you step 0.02 s")
+            expect(message).to_have_text("No warning within 3 s. implicitfast is stable up to 0.01176 s here.")
+    expect(message).to_contain_text("you step 0.02 s")
     return lab
 
 
@@ -289,8 +289,8 @@ def test_labs_are_accessible_and_fit_narrow_screens(servo: Locator, page: Page) 
     for scheme in ("light", "dark"):
         page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
         servo.locator("[data-time]").press("End")
-        found = Axe().run(page).response["violations"]
-        assert [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in found] == []
+        violations = Axe().run(page).response["violations"]
+        assert [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in violations] == []
     for width in (390, 320):
         page.set_viewport_size({"width": width, "height": 800})
         assert page.evaluate("document.documentElement.scrollWidth") <= width, width

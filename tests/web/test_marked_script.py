@@ -56,8 +56,8 @@ def test_no_text_is_lost_whatever_the_line(lines: list[str], data: st.DataObject
     source = "\n".join(lines)
     line = data.draw(st.integers(1, max(1, len(source.splitlines()))))
     span = find_span(source, line)
-    told = {"line": line, "span": None if span is None else span.model_dump(), "diagnosis": "No."}
-    script = mark_script(source, told)
+    verdict = {"line": line, "span": None if span is None else span.model_dump(), "diagnosis": "No."}
+    script = mark_script(source, verdict)
     if script is None:
         assert not source.splitlines()
         return
@@ -81,5 +81,5 @@ def test_the_advice_is_what_follows_the_fault() -> None:
     assert find_advice(two) == "Your k1 is late. Call it first."
     assert find_advice(f"{two} Apart from that: data.time stands.") == "Your k1 is late. Call it first."
     assert find_advice("Your k1 is late. Apart from that: data.time stands.") == "Your k1 is late."
-    told = "All are the last one: data.qacc is a view, so copy it. If you did, the sum is wrong."
-    assert find_advice(told) == "data.qacc is a view, so copy it. If you did, the sum is wrong."
+    diagnosis = "All are the last one: data.qacc is a view, so copy it. If you did, the sum is wrong."
+    assert find_advice(diagnosis) == "data.qacc is a view, so copy it. If you did, the sum is wrong."

@@ -330,17 +330,17 @@ def test_statistics_and_stories_tell_the_parts_of_answers(site: Site) -> None:
             body = {"quiz": "parts", "question": question, "answer": answer}
             assert client.post(f"{API}/answers:validate", json=body).json()["valid"]
             assert client.post(f"{API}/submissions", json=body).status_code == 201
-    found = {one["question"]: one for one in tina.get(f"{API}/quizzes/parts/statistics").json()["questions"]}
+    by_question = {one["question"]: one for one in tina.get(f"{API}/quizzes/parts/statistics").json()["questions"]}
 
     def counted(question: str) -> dict[int, int]:
         """Who chose each option since."""
         old = {one["option"]: one["learners"] for one in before.get(question, {}).get("options", ())}
-        return {one["option"]: one["learners"] - old.get(one["option"], 0) for one in found[question]["options"]}
+        return {one["option"]: one["learners"] - old.get(one["option"], 0) for one in by_question[question]["options"]}
 
     assert {option: n for option, n in counted("arrays").items() if n} == {0: 3, 1: 2, 2: 1, 3: 1}
     assert sum(counted("stages").values()) == 3 * 4
     assert sum(counted("units").values()) == 3 * 4
-    limits = [cluster for cluster in found["cart"]["clusters"] if 245 <= cluster["value"] <= 246]
+    limits = [cluster for cluster in by_question["cart"]["clusters"] if 245 <= cluster["value"] <= 246]
     assert [(limit["number"], limit["learners"]) for limit in limits] == [(1, 2)]
     with site.app.state.services.database.write() as session:
         code = create_sign_in_code(session, "tina", "instructor", site.course)

@@ -210,14 +210,14 @@ def test_members_are_found_by_name_address_and_role_and_stay_in_sight_after_a_ch
     page.goto(f"/signin?code={code}")
     page.get_by_role("button", name="Sign in").click()
     page.goto(PEOPLE)
-    names, told = page.locator("[data-list=members] th"), page.locator("p.meta[role=status]")
-    expect(told).to_have_text("1 to 50 of 112 members")
+    names, status = page.locator("[data-list=members] th"), page.locator("p.meta[role=status]")
+    expect(status).to_have_text("1 to 50 of 112 members")
 
-    for typed, found in (("ZOE", "Zoë Ødegård"), ("fjord.EXAMPLE", "Zoë Ødegård"), ("r 0107", "Learner 0107")):
+    for typed, shown in (("ZOE", "Zoë Ødegård"), ("fjord.EXAMPLE", "Zoë Ødegård"), ("r 0107", "Learner 0107")):
         page.get_by_label("Name or e-mail address").fill(typed)
         page.get_by_role("button", name="Show", exact=True).click()
-        expect(names).to_have_text([found])
-        expect(told).to_have_text("1 of 112 members")
+        expect(names).to_have_text([shown])
+        expect(status).to_have_text("1 of 112 members")
     change(page.locator("[data-list=members] tr"))
     page.get_by_role("button", name="New link for Learner 0107").click()
     expect(page.get_by_label("Learner 0107", exact=True)).to_be_visible()
@@ -233,7 +233,7 @@ def test_members_are_found_by_name_address_and_role_and_stay_in_sight_after_a_ch
     page.locator("summary", has_text="Remove").first.click()
     page.get_by_role("button", name="Remove from the course Learner 0050").click()
     expect(names.first).to_have_text("Learner 0051")
-    expect(told).to_have_text("51 to 100 of 109 of 111 members")
+    expect(status).to_have_text("51 to 100 of 109 of 111 members")
 
     page.get_by_role("link", name="Show all").click()
     page.get_by_label("Role").select_option("instructors")
@@ -243,4 +243,4 @@ def test_members_are_found_by_name_address_and_role_and_stay_in_sight_after_a_ch
     page.get_by_role("button", name="Show", exact=True).click()
     expect(page.locator("[data-list=members]")).to_contain_text("Nobody among the instructors has “50%”")
     page.goto(f"{PEOPLE}?role=pirates&find=&start=900")
-    expect(told).to_have_text("111 members")
+    expect(status).to_have_text("111 members")

@@ -133,8 +133,8 @@ def grade_again(settings: Settings, quiz: str) -> None:
 def test_a_learner_reads_that_an_answer_was_graded_again(browser: httpx.Client, settings: Settings) -> None:
     assert "Graded again" not in send(browser, "1.1-open", "0").text
     grade_again(settings, "1.1-open")
-    told = card(browser.get("/lessons/1.1").text, "1.1-open--q")
-    match = re.search(r"Graded again on <time[^>]*>([^<]*)</time>([^<]*)", told)
+    shown = card(browser.get("/lessons/1.1").text, "1.1-open--q")
+    match = re.search(r"Graded again on <time[^>]*>([^<]*)</time>([^<]*)", shown)
     assert match is not None
     assert (match[1] + match[2]).endswith("UTC, after a change of the question or its key: 1 of 1 now, 0 of 1 before.")
 
@@ -167,7 +167,7 @@ def test_what_changed_is_one_sentence(
     before: tuple[str, str, float, float], after: tuple[str, str, float, float], ends: str
 ) -> None:
     at = datetime(2026, 11, 22, 6, 5, tzinfo=UTC)
-    told = describe_regrade(VerdictMark(*before, at), VerdictMark(*after, at))
-    assert told.endswith(ends)
-    assert (told == "") == (ends == "")
-    assert not told or "on 22 Nov 2026, 06:05 UTC" in told
+    sentence = describe_regrade(VerdictMark(*before, at), VerdictMark(*after, at))
+    assert sentence.endswith(ends)
+    assert (sentence == "") == (ends == "")
+    assert not sentence or "on 22 Nov 2026, 06:05 UTC" in sentence

@@ -27,13 +27,13 @@ ZONES = [
 
 
 def test_a_moment_is_utc_in_words_and_for_programs() -> None:
-    told = '<time class="nowrap" datetime="2190-11-27T18:00:00+00:00" title="27 Nov 2190, 18:00 UTC">{}</time>'
-    assert tag_moment(DUE) == told.format("27 Nov 2190, 18:00 UTC")
-    assert tag_clock(DUE) == told.format("18:00 UTC")
+    template = '<time class="nowrap" datetime="2190-11-27T18:00:00+00:00" title="27 Nov 2190, 18:00 UTC">{}</time>'
+    assert tag_moment(DUE) == template.format("27 Nov 2190, 18:00 UTC")
+    assert tag_clock(DUE) == template.format("18:00 UTC")
     assert tag_moments("<b> Due on 27 Nov 2190, 18:00 UTC.") == (
-        "&lt;b&gt; Due on " + told.format("27 Nov 2190, 18:00 UTC") + "."
+        "&lt;b&gt; Due on " + template.format("27 Nov 2190, 18:00 UTC") + "."
     )
-    assert tag_moments("over since Sat 27 Nov 2190, 18:00 UTC") == "over since " + told.format(
+    assert tag_moments("over since Sat 27 Nov 2190, 18:00 UTC") == "over since " + template.format(
         "Sat 27 Nov 2190, 18:00 UTC"
     )
     assert tag_moments("31 Feb 2190, 18:00 UTC, 10 of 12") == "31 Feb 2190, 18:00 UTC, 10 of 12"

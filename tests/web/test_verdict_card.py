@@ -21,11 +21,11 @@ def finding(title: str, passed: bool | None, message: str = "", **rest: Any) -> 
 
 
 def card(verdict: dict[str, Any], source: str = "") -> Card:
-    found = build_card(
+    built = build_card(
         GivenAnswer("id", 2, AT, {"source": source}, "graded", {"points": 0.0, "max_points": 3.0} | verdict, None)
     )
-    assert found is not None
-    return found
+    assert built is not None
+    return built
 
 
 def test_every_status_has_a_word_an_icon_and_a_tone() -> None:
@@ -103,14 +103,16 @@ def test_what_the_message_has_is_not_said_again(message: str, measured: object, 
 
 
 def test_a_diagnosis_that_begins_with_a_case_has_a_capital_letter() -> None:
-    told = "from hanging to 1.2 rad: It overshoots."
+    diagnosis = "from hanging to 1.2 rad: It overshoots."
     findings = [finding("from hanging to 1.2 rad: overshoot", False, "It overshoots.")]
-    assert card({"status": "incorrect", "diagnosis": told, "findings": findings}).diagnosis.startswith("From hanging")
+    assert card({"status": "incorrect", "diagnosis": diagnosis, "findings": findings}).diagnosis.startswith(
+        "From hanging"
+    )
 
 
 def test_a_syntax_error_is_shown_at_its_line() -> None:
-    told = "SyntaxError: expected ':' (line 2: def f())"
-    shown = card({"status": "crashed", "diagnosis": told}, source="import mujoco\ndef f()\n    pass")
+    diagnosis = "SyntaxError: expected ':' (line 2: def f())"
+    shown = card({"status": "crashed", "diagnosis": diagnosis}, source="import mujoco\ndef f()\n    pass")
     assert shown.script is not None
     assert [line.text for line in shown.script.hot] == ["def f()"]
 
@@ -161,12 +163,12 @@ def test_cases_that_fail_alike_in_all_columns_are_named_once_and_the_diagnosis_i
 
 
 def test_a_line_that_is_named_leads_to_the_editor_where_its_script_is_there() -> None:
-    told = "NameError: <b>, in line 2 of your script. Line 12 hid it; timeline 3 did not."
-    assert link_lines(told) == (
+    diagnosis = "NameError: <b>, in line 2 of your script. Line 12 hid it; timeline 3 did not."
+    assert link_lines(diagnosis) == (
         'NameError: &lt;b&gt;, in <a href="#answer" data-go-to="2">line 2</a> of your script. '
         '<a href="#answer" data-go-to="12">Line 12</a> hid it; timeline 3 did not.'
     )
-    assert "data-go-to" not in rendered(card({"status": "crashed", "diagnosis": told}))
+    assert "data-go-to" not in rendered(card({"status": "crashed", "diagnosis": diagnosis}))
 
 
 def test_measured_values_are_said_in_words() -> None:
@@ -205,8 +207,8 @@ def test_two_tableaus_stand_side_by_side_and_the_wrong_cells_are_framed() -> Non
 
 def test_what_a_script_says_of_itself_is_text() -> None:
     hostile = "<script>alert(1)</script>"
-    told = {"status": "crashed", "diagnosis": f"{hostile}, in line 1 of your script", "stdout": hostile}
-    page = rendered(card(told | {"findings": [finding(hostile, False, hostile, measured=hostile)]}, source=hostile))
+    verdict = {"status": "crashed", "diagnosis": f"{hostile}, in line 1 of your script", "stdout": hostile}
+    page = rendered(card(verdict | {"findings": [finding(hostile, False, hostile, measured=hostile)]}, source=hostile))
     assert "<script>" not in page
     assert page.count("&lt;script&gt;") >= 5
 

@@ -208,13 +208,13 @@ def judge_number(parameters: EstimatorParameters, problem: Problem, answers: Ans
     """Returns the finding of one number: the share of recordings in which it is found."""
     name, truth, n = parameters.estimate[index], problem.truth[index], len(answers)
     estimates = [array[index] for array in answers if not isinstance(array, str)]
-    found = sum(bool(abs(one - truth) <= parameters.rtol * abs(truth)) for one in estimates)
-    low, high = bound_share(found, n)
-    passed = found >= problem.case.share * n - 1e-9
+    count = sum(bool(abs(one - truth) <= parameters.rtol * abs(truth)) for one in estimates)
+    low, high = bound_share(count, n)
+    passed = count >= problem.case.share * n - 1e-9
     message = f"The {name} is found." if passed else f"The {name} is found in too few recordings."
     interval = f"95 % interval: {100 * low:.0f} to {100 * high:.0f} %"
-    detail = f"Found in {found} of {n} recordings ({interval}); {100 * problem.case.share:g} % must."
-    return Part(name, name, passed, message, detail, measured=found / n, expected=problem.case.share)
+    detail = f"Found in {count} of {n} recordings ({interval}); {100 * problem.case.share:g} % must."
+    return Part(name, name, passed, message, detail, measured=count / n, expected=problem.case.share)
 
 
 def list_ratios(trial: JudgedTrial[Problem, Answers], index: int) -> list[float]:

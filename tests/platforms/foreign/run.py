@@ -39,10 +39,10 @@ def told(what: str, holds: object) -> None:
         sys.exit(1)
 
 
-def until(found: Callable[[], Any], what: str) -> Any:
+def until(find: Callable[[], Any], what: str) -> Any:
     """Waits for a value that counts as true."""
     deadline = time.monotonic() + PATIENCE_S
-    while not (value := found()):
+    while not (value := find()):
         if time.monotonic() > deadline:
             told(what, False)
         time.sleep(0.1)

@@ -188,10 +188,10 @@ def answer(shown: Page | FrameLocator) -> None:
 def scores_of(platform: Platform, subject: str) -> list[dict[str, Any]]:
     """The scores that have come for a learner; waits for the first."""
     deadline = time.monotonic() + PATIENCE_MS / 1000
-    while not (found := [score for score in platform.scores if score["userId"] == subject]):
+    while not (scores := [score for score in platform.scores if score["userId"] == subject]):
         assert time.monotonic() < deadline, "no score has come"
         time.sleep(0.05)
-    return found
+    return scores
 
 
 def session_cookie(context: BrowserContext, site: str) -> dict[str, Any]:

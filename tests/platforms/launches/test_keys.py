@@ -62,8 +62,8 @@ async def all_of(keys: PlatformKeys, kids: list[str]) -> list[Any]:
 def test_keys_are_fetched_once() -> None:
     network = Network(["a", "b"])
     keys = network.keys()
-    found = asyncio.run(all_of(keys, ["a", "b"] * 10))
-    assert [one["kid"] for one in found] == ["a", "b"] * 10
+    fetched = asyncio.run(all_of(keys, ["a", "b"] * 10))
+    assert [one["kid"] for one in fetched] == ["a", "b"] * 10
     assert network.asked == 1
     network.clock += FRESH_S
     assert asyncio.run(all_of(keys, ["a"]))[0]["kid"] == "a"
@@ -73,8 +73,8 @@ def test_keys_are_fetched_once() -> None:
 def test_twenty_unknown_keys_cause_two_fetches_at_most() -> None:
     network = Network(["a"])
     keys = network.keys()
-    found = asyncio.run(all_of(keys, [f"unknown-{number}" for number in range(20)]))
-    assert all(isinstance(one, Unauthorized) and "does not publish" in str(one) for one in found)
+    errors = asyncio.run(all_of(keys, [f"unknown-{number}" for number in range(20)]))
+    assert all(isinstance(one, Unauthorized) and "does not publish" in str(one) for one in errors)
     assert network.asked == 2
 
 

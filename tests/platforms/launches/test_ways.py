@@ -323,8 +323,8 @@ def test_a_roster_is_pulled_page_by_page(pair: Joined) -> None:
     pair.launch(pair.browser(), **{NRPS: service})
     pulled = teacher.post(f"{API}/lti/contexts/{context['id']}:roster")
     assert pulled.json() == {"members": 3, "removed": 0}
-    found = {item["name"]: item["role"] for item in get_json(teacher, f"{API}/members")["items"]}
-    assert found == {"Ada Lovelace": "student", "Grace Hopper": "student", "Tom": "instructor", "tina": "instructor"}
+    roles = {item["name"]: item["role"] for item in get_json(teacher, f"{API}/members")["items"]}
+    assert roles == {"Ada Lovelace": "student", "Grace Hopper": "student", "Tom": "instructor", "tina": "instructor"}
     again = teacher.post(f"{API}/lti/contexts/{context['id']}:roster")
     assert again.json() == {"members": 3, "removed": 0}
     assert len(get_json(teacher, f"{API}/members")["items"]) == 4
@@ -381,8 +381,8 @@ def test_a_name_follows_the_platform_unless_an_instructor_has_set_it(pair: Joine
 
 def member_id(teacher: httpx.Client) -> str:
     """The member who was launched."""
-    found = [item["id"] for item in get_json(teacher, f"{API}/members")["items"] if item["way_in"] == "lti"]
-    return str(found[0])
+    ids = [item["id"] for item in get_json(teacher, f"{API}/members")["items"] if item["way_in"] == "lti"]
+    return str(ids[0])
 
 
 def test_who_is_on_two_rosters_is_two_members_and_the_instructor_is_told(pair: Joined) -> None:
@@ -400,14 +400,14 @@ def test_who_is_on_two_rosters_is_two_members_and_the_instructor_is_told(pair: J
     [context] = get_json(teacher, f"{API}/lti/contexts")["items"]
     for _ in range(2):
         assert teacher.post(f"{API}/lti/contexts/{context['id']}:roster").status_code == 200
-    found = {item["name"]: item for item in get_json(teacher, f"{API}/members")["items"]}
-    assert set(found) == {"tina", "Ada L.", "Bob", "Ada Lovelace", "Grace Hopper"}  # each once
-    here, there = found["Ada L."], found["Ada Lovelace"]
+    members = {item["name"]: item for item in get_json(teacher, f"{API}/members")["items"]}
+    assert set(members) == {"tina", "Ada L.", "Bob", "Ada Lovelace", "Grace Hopper"}  # each once
+    here, there = members["Ada L."], members["Ada Lovelace"]
     assert (here["same_email"], there["same_email"]) == ([there["id"]], [here["id"]])
     assert (here["way_in"], here["learner"], here["platforms"]) == ("lms", {"namespace": "school", "id": "s1815"}, [])
     assert there["platforms"] == [{"platform": "A platform", "course": "Robotics"}]
-    assert [found[name]["same_email"] for name in ("tina", "Bob", "Grace Hopper")] == [[], [], []]
-    assert found["Grace Hopper"]["email"] is None
+    assert [members[name]["same_email"] for name in ("tina", "Bob", "Grace Hopper")] == [[], [], []]
+    assert members["Grace Hopper"]["email"] is None
 
 
 def test_a_roster_that_leads_elsewhere_is_refused(pair: Joined) -> None:
