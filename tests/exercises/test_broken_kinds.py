@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from subprocess import CompletedProcess
 from typing import Any, Literal
 
 import numpy as np
@@ -220,17 +221,18 @@ FAILS: dict[type[Double], tuple[Key, str]] = {
 }
 
 
+Fault = dict[str, str]
 RIGHT = {"correct__sum": "def w(x):\n    return x + x\n"}
 
 
-def check(
+def run_check(
     folder: Path,
     monkeypatch: pytest.MonkeyPatch,
     kind: type[Double],
     scripts: Mapping[str, str] = RIGHT,
     **changes: Any,
-) -> list[dict[str, str]]:
-    """The faults of an exercise of a kind, as if it were installed."""
+) -> CompletedProcess[str]:
+    """`grader check` of an exercise of a kind, as if it were installed."""
     monkeypatch.setattr("grader.grading.pipeline.COMMAND_RETRIES", Retries(tries=2, pause_s=0.01))
     kinds = {**planning.load_kinds(), "double": kind()}
     for module in ("planning", "runner", "authored", "lazy"):
@@ -247,8 +249,14 @@ def check(
     programs.mkdir(parents=True)
     for name, text in scripts.items():
         (programs / f"{name}.py").write_text(text)
-    done = grader("check", str(folder), "--again", "--json")
-    faults: list[dict[str, str]] = json.loads(done.stdout)["faults"]
+    return grader("check", str(folder), "--again", "--json")
+
+
+def check(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, kind: type[Double], *given: Any, **changes: Any
+) -> list[Fault]:
+    """The faults that it finds."""
+    faults: list[Fault] = json.loads(run_check(folder, monkeypatch, kind, *given, **changes).stdout)["faults"]
     return faults
 
 
@@ -263,6 +271,15 @@ def test_a_kind_that_fails_is_named_with_its_line(
     told = [fault["why"] for fault in faults if fault["key"] == key]
     assert any(why in one for one in told), faults
     assert not any("name the file grader_fault" in one for one in told)
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_the_traceback_of_a_fault_is_logged_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scripts = {**RIGHT, "correct__product": "def w(x):\n    return 2 * x\n"}
+    done = run_check(tmp_path, monkeypatch, JudgesNone, scripts)
+    assert done.stdout.count("graded grader_fault (TypeError: judge must return a Judgement") == 2
+    assert done.stderr.count("grading failed") == 1, done.stderr
 
 
 class Catches(Double):

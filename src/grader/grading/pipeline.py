@@ -129,6 +129,8 @@ class Pipeline:
     names_faults: bool = False
     _kept: dict[tuple[str, int | None], Verdict] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Verdicts on instant answers, by their digest and the seed of drawn numbers: a whole class gives the same few."""
+    _logged: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
+    """Faults that were logged: who writes a kind sees the traceback of each once, not with every script."""
 
     @cached_property
     def poser(self) -> Poser:
@@ -230,8 +232,10 @@ class Pipeline:
         except ScriptStopped:
             raise
         except Exception as error:
-            log.exception("grading failed", quiz=submission.quiz.id, question=question.id)
             why = describe_error(error, name_module(question)) if self.names_faults else OUR_FAULT
+            if not self.names_faults or why not in self._logged:
+                log.exception("grading failed", quiz=submission.quiz.id, question=question.id)
+                self._logged.add(why)
             verdict = build_ungraded(question, Status.GRADER_FAULT, why)
         timing_ms = {**measured.timing_ms, "total": 1000 * (time.perf_counter() - started)}
         measured = replace(measured, timing_ms=timing_ms)
