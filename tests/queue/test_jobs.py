@@ -125,18 +125,30 @@ def test_the_case_of_a_script_is_told_while_it_runs_and_not_after(database: Data
 
 
 def test_a_waiting_job_knows_how_many_are_claimed_before_it(database: Database) -> None:
-    made = [hand_in(database, user) for user in ("ann", "ann", "bob", "cem")]
+    owners = {hand_in(database, user): user for user in ("ann", "bob", "cem")} | {hand_in(database, "ann"): "ann"}
     with database.read() as session:
-        told = {one: jobs.count_ahead(session, one) for one in made}
+        ahead = {subject: jobs.count_ahead(session, subject, owner) for subject, owner in owners.items()}
     claimed = []
     while True:
         with database.write() as session:
             if (claim := jobs.claim(session, OTHER)) is None:
                 break
             claimed.append(claim.subject)
-    assert [told[one] for one in claimed] == [0, 1, 2, 3]
+    assert [ahead[subject] for subject in claimed] == [0, 1, 2, 3]
     with database.read() as session:
-        assert jobs.count_ahead(session, made[0]) is None
+        assert [jobs.count_ahead(session, *job) for job in owners.items()] == [None] * 4
+
+
+def test_a_waiting_job_is_withdrawn_and_no_other_one(database: Database) -> None:
+    first, second = hand_in(database), hand_in(database)
+    with database.write() as session:
+        assert not jobs.withdraw(session, jobs.GRADE, first, "bob")
+        assert not jobs.withdraw(session, jobs.REGRADE, first, "ann")
+        assert [jobs.withdraw(session, jobs.GRADE, first, "ann") for _ in range(2)] == [True, False]
+        claimed = jobs.claim(session, OTHER)
+        assert claimed is not None
+        assert claimed.subject == second
+        assert not jobs.withdraw(session, jobs.GRADE, second, "ann")
 
 
 def test_many_claimants_share_the_jobs_without_doubling_any(database: Database) -> None:

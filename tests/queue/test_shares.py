@@ -3,9 +3,11 @@
 import random
 import time
 from collections import defaultdict
+from typing import Any
 
 import pytest
-from sqlalchemy import create_engine, insert
+from sqlalchemy import create_engine, event, insert
+from sqlalchemy.orm import Session
 
 from grader.queue import jobs
 from grader.queue.jobs import JobRow
@@ -106,6 +108,24 @@ def test_a_claim_on_sqlite_reads_the_queue_in_its_order_and_sorts_nothing() -> N
         compiled = first.compile(connection, compile_kwargs={"literal_binds": True})
         explained = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {compiled}")
         assert [row[3] for row in explained] == ["SEARCH jobs USING INDEX ix_jobs_order (priority>? AND priority<?)"]
+
+
+def test_what_a_waiting_learner_asks_searches_indices_on_sqlite() -> None:
+    engine, plans = create_engine("sqlite://"), list[str]()
+    jobs.QueueBase.metadata.create_all(engine)
+
+    def explain(_engine: Any, cursor: Any, statement: str, parameters: Any, *_: Any) -> None:
+        if "jobs" in statement and "INSERT" not in statement:
+            plans.append(cursor.execute(f"EXPLAIN QUERY PLAN {statement}", parameters).fetchone()[3])
+
+    with Session(engine) as session:
+        jobs.put(session, "grade", "x", share="ann")
+        event.listen(engine, "before_cursor_execute", explain)
+        assert jobs.count_ahead(session, "x", "ann") == 0
+        assert jobs.withdraw(session, "grade", "x", "ann")
+    theirs = "SEARCH jobs USING INDEX ix_jobs_share (share=? AND priority=?)"
+    earlier = "SEARCH jobs USING INDEX ix_jobs_order (priority=? AND (round,share)<(?,?))"
+    assert plans == [theirs, earlier, theirs]
 
 
 def test_a_claim_costs_the_same_in_a_queue_of_10_000(database: Database) -> None:

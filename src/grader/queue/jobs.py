@@ -18,6 +18,7 @@ from typing import Any
 
 from sqlalchemy import (
     BigInteger,
+    ColumnElement,
     Float,
     Index,
     Integer,
@@ -178,10 +179,15 @@ def put_back(session: Session, claimed: ClaimedJob, delay_s: float, *, tried: bo
     return session.execute(again).first() is not None
 
 
-def withdraw(session: Session, topic: str, subject: str) -> bool:
+def withdraw(session: Session, topic: str, subject: str, share: str) -> bool:
     """Removes the job of a subject if it waits. False if it has been claimed, or is done."""
-    waits = delete(JobRow).where(JobRow.topic == topic, JobRow.subject == subject, WAITS).returning(JobRow.id)
+    waits = delete(JobRow).where(*_is_waiting(topic, share), JobRow.subject == subject).returning(JobRow.id)
     return session.execute(waits).first() is not None
+
+
+def _is_waiting(topic: str, share: str) -> tuple[ColumnElement[bool], ...]:
+    """The conditions on the waiting jobs of a share, which an index has, however long the queue is."""
+    return WAITS, JobRow.share == hash_share(share), JobRow.priority == TOPICS.index(topic)
 
 
 def ask_to_stop(session: Session, topic: str, subject: str) -> bool:
@@ -225,14 +231,15 @@ def count_jobs(session: Session, topic: str = GRADE) -> int:
     return session.scalar(select(func.count()).select_from(JobRow).where(JobRow.topic == topic)) or 0
 
 
-def count_ahead(session: Session, subject: str) -> int | None:
-    """How many waiting jobs of grading are claimed before that of a subject; None if its job does not wait."""
-    here = (WAITS, JobRow.topic == GRADE)
-    row = session.execute(select(*ORDER).where(*here, JobRow.subject == subject)).first()
+def count_ahead(session: Session, subject: str, share: str) -> int | None:
+    """How many waiting jobs of grading are claimed before that of a subject; None if its job does not wait. Reads
+    these alone."""
+    row = session.execute(select(*ORDER).where(*_is_waiting(GRADE, share), JobRow.subject == subject)).first()
     if row is None:
         return None
-    before = select(func.count()).select_from(JobRow).where(*here, tuple_(*ORDER) < tuple_(*row))
-    return session.scalar(before) or 0
+    priority, *place = row
+    is_before = WAITS, JobRow.priority == priority, tuple_(*ORDER[1:]) < tuple_(*place)
+    return session.scalar(select(func.count()).select_from(JobRow).where(*is_before)) or 0
 
 
 @dataclass(frozen=True)

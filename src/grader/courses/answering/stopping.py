@@ -37,7 +37,7 @@ def stop(database: Database, library: Library, who: Identity, submission_id: str
             submission = submissions.get(session, submission_id) if submission_id.isalnum() else None
             if submission is None or (submission.course, submission.learner) != (who.course, who.id):
                 raise NotFound("There is no such submission.")
-            if jobs.withdraw(session, jobs.GRADE, submission.id):
+            if jobs.withdraw(session, jobs.GRADE, submission.id, who.id):
                 results.append_verdict(
                     database, library, session, submission, judge_unrun(library, submission), cause=STOP
                 )

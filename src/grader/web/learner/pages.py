@@ -138,8 +138,9 @@ def show_exercise(
     with services.database.read() as session:
         work = read_work(session, library, reader, [quiz])
         attempts = list_attempts(session, work, reader, quiz_id, question_id)
-        ahead = jobs.count_ahead(session, attempts[0].id) if attempts and attempts[0].state == QUEUED else None
-        at = case_now(session, attempts[0].id) if attempts and attempts[0].state == RUNNING else None
+        state, newest = (attempts[0].state, attempts[0].id) if attempts else ("", "")
+        ahead = jobs.count_ahead(session, newest, reader.id) if state == QUEUED else None
+        at = case_now(session, newest) if state == RUNNING else None
     shown = build_exercise_page(library, quiz, question_id, work, attempts, chosen=attempt, typed=typed)
     shown |= {"ahead": ahead, "at": at, "refused": status != 200}
     return page(request, "exercise.html", status, who=who, **shown)
