@@ -19,7 +19,7 @@ from grader.web.instructor.quiz_choice import choose_quiz
 from grader.web.instructor.statistics_plots import draw_bar, plot_estimates
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.numbers import NARROW, capitalize, write_number, write_quantity
-from grader.web.text.questions import describe_quiz
+from grader.web.text.questions import list_titles
 from grader.web.verdict.plots import draw_both
 
 PAGE = "/instructor/statistics"
@@ -80,7 +80,7 @@ def statistics(
         return page(request, "statistics.html", who=who, quizzes=[])
     chosen = choose_quiz(services, who, quizzes, quiz)
     computed = services.statistics.compute(services.statistics.version(library, chosen.id, who))
-    titles = {view["id"]: view["short"] for view in describe_quiz(library, chosen)["questions"]}
+    titles = {question: title for (quiz_id, question), title in list_titles(library).items() if quiz_id == chosen.id}
     by_id = {question.id: question for question in chosen.questions}
     hardest_first = sorted(computed.questions, key=lambda question: question.difficulty.value)
     context: dict[str, Any] = {

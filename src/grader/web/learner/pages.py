@@ -24,7 +24,7 @@ from grader.web.frame.rendering import HEADERS, page
 from grader.web.learner.exercise import align_scripts, build_exercise_page
 from grader.web.learner.lesson import TypedAnswer, build_lesson_page, list_opened_facts
 from grader.web.text.lessons import Lesson, group_lessons
-from grader.web.text.questions import describe_quiz, list_titles
+from grader.web.text.questions import list_titles, present_question
 from grader.web.verdict.plots import draw_file, extract_light_styles, list_sketches
 from grader.web.verdict.reel import REEL_MAX, build_reel
 from grader.web.verdict.work import list_attempts, read_work
@@ -155,18 +155,9 @@ def compare(
     if who is None:
         raise Unauthorized(SIGN_IN)
     library = services.library_for(who)
-    view = next(
-        (
-            question
-            for question in describe_quiz(library, library.quiz(quiz_id))["questions"]
-            if question["id"] == question_id
-        ),
-        None,
-    )
-    if view is None:
-        raise NotFound("There is no such question.")
+    quiz, question = library.find(quiz_id, question_id)
     with services.database.read() as session:
-        work = read_work(session, library, who, [library.quiz(quiz_id)])
+        work = read_work(session, library, who, [quiz])
         attempts = list_attempts(session, work, who, quiz_id, question_id)
     if len(attempts) < 2:
         raise NotFound("There are no two attempts to compare yet.")
@@ -175,7 +166,7 @@ def compare(
     if not by_id.keys() >= {*pair}:
         raise NotFound(NO_ATTEMPT)
     chosen = [by_id[id_] for id_ in pair]
-    lines = align_scripts(chosen[0].text, chosen[1].text)
+    view, lines = present_question(library, quiz_id, question), align_scripts(chosen[0].text, chosen[1].text)
     return page(request, "compare.html", who=who, view=view, attempts=attempts, chosen=chosen, lines=lines)
 
 
