@@ -2,6 +2,7 @@
 
 import re
 import textwrap
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -79,8 +80,10 @@ def render_opening(text: str) -> Markup:
     return render_prompt(text if first is None else first[0])
 
 
+@lru_cache(maxsize=2048)
 def shorten_title(title: str | None, text: str) -> str:
-    """Returns the title of a question, or the first words of its text."""
+    """Returns the title of a question, or the first words of its text. Kept, since parsing HTML takes long: most pages
+    name every question."""
     return keep_unbroken(plain_text(title or "") or shorten_text(plain_text(text)))
 
 
