@@ -28,6 +28,7 @@ from grader.service.accounts import revoke_tokens
 from grader.service.worker import GradingTask, Judge, make_fault, make_grade
 from grader.settings import Settings
 from grader.store import submissions
+from grader.store.events import add_event
 from grader.store.tables import Credential, Submission
 from support.sites import ROOT, Site, open_site
 
@@ -157,7 +158,7 @@ def test_a_verdict_that_is_committed_while_events_are_read_is_told_with_its_subm
         submission = session.get_one(Submission, submission_id)
         token = session.scalars(select(Credential).where(Credential.member == submission.learner)).one()
         who = read_identity(token)
-        submissions._add_event(session, submission_id, submissions.GRADED)
+        add_event(session, submission_id, submissions.GRADED)
     told, over = events.read_events(events.Listener(services, who, submission_id, 0), 0)
     assert ([event.event for event in told], over) == ([submissions.QUEUED], False)
 

@@ -16,7 +16,8 @@ from grader.queue.worker import Worker
 from grader.service.accounts import in_database
 from grader.service.worker import GradingTask
 from grader.settings import Settings
-from grader.store import regrades, submissions
+from grader.store import regrades
+from grader.store.events import case_now
 from grader.store.tables import Submission
 from support.databases import BACKENDS, database_url
 from support.queue_kills import (
@@ -83,7 +84,7 @@ def stop(client: httpx.Client, address: str) -> httpx.Response:
 def case_of(site: Site, address: str) -> tuple[int, int] | None:
     """The case that the script is at, as its learner is told."""
     with site.app.state.services.database.read() as session:
-        at = submissions.case_now(session, address.rpartition("/")[2])
+        at = case_now(session, address.rpartition("/")[2])
         return None if at is None else (at.case, at.cases)
 
 

@@ -43,6 +43,7 @@ from grader.store import regrades as stored
 from grader.store.contents import EVERY, ContentFile
 from grader.store.engine.database import Database
 from grader.store.engine.ids import make_id
+from grader.store.events import EVENTS, events_after
 from grader.store.results import LearnerAt
 from grader.store.tables import ResultRevision, Submission, VerdictRow
 from support.databases import BACKENDS, database_url, open_database
@@ -234,7 +235,7 @@ def test_a_wrong_key_is_tried_out_then_corrected_and_correcting_again_changes_no
 def test_listeners_hear_of_a_new_verdict(course: Course) -> None:
     ann = course.hand_in("ann", 5)
     heard: list[None] = []
-    with course.database.signals.listening(submissions.EVENTS, lambda: heard.append(None), ann):
+    with course.database.signals.listening(EVENTS, lambda: heard.append(None), ann):
         course.change(key=6)
         course.regrade()
         deadline = datetime.now(UTC) + timedelta(seconds=30)
@@ -242,7 +243,7 @@ def test_listeners_hear_of_a_new_verdict(course: Course) -> None:
             pass
     assert heard
     with course.database.read() as session:
-        assert [event.name for event in submissions.events_after(session, ann, 0)] == ["graded", "graded"]
+        assert [event.name for event in events_after(session, ann, 0)] == ["graded", "graded"]
 
 
 def test_late_multipliers_and_extensions_decide_what_counts_before_and_after(course: Course) -> None:

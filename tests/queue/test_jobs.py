@@ -30,6 +30,7 @@ from grader.settings import Settings
 from grader.store import submissions
 from grader.store.engine.database import Database
 from grader.store.engine.ids import make_id
+from grader.store.events import case_now, events_after
 from grader.store.tables import Submission
 
 OTHER = 1
@@ -59,7 +60,7 @@ def hand_in(database: Database, user: str = "ann") -> str:
 
 def state(database: Database, submission_id: str) -> tuple[str, list[str]]:
     with database.read() as session:
-        events = submissions.events_after(session, submission_id, 0)
+        events = events_after(session, submission_id, 0)
         return session.get_one(Submission, submission_id).status, [event.name for event in events]
 
 
@@ -107,7 +108,7 @@ def test_the_case_of_a_script_is_told_while_it_runs_and_not_after(database: Data
 
     def told() -> str | None:
         with database.read() as session:
-            at = submissions.case_now(session, submission_id)
+            at = case_now(session, submission_id)
             return None if at is None else at.words
 
     def grade(_: Submission) -> Verdict:

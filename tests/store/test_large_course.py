@@ -16,8 +16,8 @@ from grader.courses.people.sign_in import create_sign_in_code
 from grader.courses.reporting.quiz_statistics import Statistics
 from grader.service.accounts import in_database
 from grader.settings import Settings
-from grader.store import submissions
 from grader.store.engine.database import Database
+from grader.store.events import events_after
 from grader.store.tables import Event, IdempotencyKey, Result, Submission
 from grader.store.upkeep.pruning import prune
 from support.databases import BACKENDS, database_url, open_database
@@ -201,6 +201,6 @@ def test_old_keys_and_superseded_events_are_deleted_and_the_last_event_stays(sma
     assert prune(small, timedelta(days=30)) == 1202
     assert counts(small) == (0, 1201)
     with small.read() as session:
-        left = [[event.number for event in submissions.events_after(session, one.id, 0)] for one in waiting]
+        left = [[event.number for event in events_after(session, one.id, 0)] for one in waiting]
     assert left == [[1, 2], [2], [2]]
     assert prune(small, timedelta(days=30)) == 0

@@ -15,6 +15,7 @@ from grader.courses.people.sign_in import PRUNED, start_session
 from grader.domain.verdict import Status, Verdict
 from grader.store import submissions
 from grader.store.engine.database import Database
+from grader.store.events import events_after
 from grader.store.results import list_instructors
 from grader.store.tables import Base, Credential, Event, IdempotencyKey, Member, Submission, now
 from grader.store.upkeep import pruning
@@ -82,9 +83,7 @@ def test_old_keys_and_passed_events_go_in_small_batches(database: Database, monk
     assert pruning.prune_events(database, before) == 10
     assert count(database, IdempotencyKey) == 1
     with database.read() as session:
-        left = {
-            key: [one.name for one in submissions.events_after(session, key, 0)] for key in (*old, unfinished, recent)
-        }
+        left = {key: [one.name for one in events_after(session, key, 0)] for key in (*old, unfinished, recent)}
     assert [left.pop(key) for key in old] == [["graded"]] * 5
     assert left == {unfinished: ["queued", "running"], recent: ["queued", "running", "graded"]}
     assert pruning.prune(database, LIMIT) == 0
@@ -117,7 +116,7 @@ def test_a_listener_hears_the_last_event_and_numbers_go_on(database: Database) -
     with database.write() as session:
         submissions.append_verdict(session, session.get_one(Submission, key), VERDICT, "regrade")
     with database.read() as session:
-        assert [one.number for one in submissions.events_after(session, key, 2)] == [3, 4]
+        assert [one.number for one in events_after(session, key, 2)] == [3, 4]
 
 
 def test_ended_sessions_go_with_members_who_have_no_other_way_back(database: Database) -> None:

@@ -21,6 +21,7 @@ from grader.store import contents, courses, line_items, outbox, platforms, polic
 from grader.store.engine import database as store_database
 from grader.store.engine.database import Database
 from grader.store.engine.ids import make_id
+from grader.store.events import events_after
 from grader.store.reviewing import line_comments
 from grader.store.submissions import SubmissionFilter
 from grader.store.tables import Base, Member, Submission, VerdictRow
@@ -152,7 +153,7 @@ def test_an_instant_answer_comes_with_its_verdict(database: Database) -> None:
         assert (submission.status, submission.revision, submission.version) == ("graded", 1, 1)
         assert submission.created_at.utcoffset() is not None
         assert submissions.read_verdicts(session, [submission])[kept.id]["stdout"] == "a\x00b é"
-        assert [event.name for event in submissions.events_after(session, kept.id, 0)] == ["graded"]
+        assert [event.name for event in events_after(session, kept.id, 0)] == ["graded"]
 
 
 def test_verdicts_are_added_never_changed(database: Database) -> None:

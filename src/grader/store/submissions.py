@@ -1,7 +1,6 @@
-"""Every query on submissions, their verdicts and their events."""
+"""Every query on submissions and their verdicts."""
 
 import json
-import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -12,11 +11,9 @@ from prometheus_client import Counter
 from sqlalchemy import (
     ColumnElement,
     SQLColumnExpression,
-    String,
     bindparam,
     case,
     func,
-    insert,
     literal_column,
     select,
     tuple_,
@@ -27,9 +24,9 @@ from grader.domain.policy import Progress
 from grader.domain.progress import TrialProgress
 from grader.domain.verdict import Status, Verdict
 from grader.metrics import VERDICTS
-from grader.store.engine.bulk import TableRows, UtcDateTime, insert_rows
+from grader.store.engine.bulk import TableRows, insert_rows
 from grader.store.engine.ids import first_id
-from grader.store.engine.signals import announce
+from grader.store.events import add_event, name_case
 from grader.store.tables import Base, Event, Member, Review, Submission, VerdictRow, now
 
 QUEUED, RUNNING, GRADED, NEEDS_REVIEW = "queued", "running", "graded", "needs_review"
@@ -46,13 +43,6 @@ NEW = {"status": QUEUED, "uses_attempt": True, "outcome": None, "revision": 0}
 
 NEWEST = (VerdictRow.submission_id == Submission.id) & (VerdictRow.revision == Submission.revision)
 """Joins a submission with its newest verdict."""
-
-AT_CASE = re.compile(r"case (\d+) of (\d+)|(\d+)/(\d+) (ep|s) (\d+)/(\d+)")
-"""The name of an event that tells how far a running script is: at a case, or also at an episode or a second of it. A
-name has at most 20 characters."""
-
-EVENTS = "events"
-"""The channel on which new events are announced, by submission."""
 
 
 class Try(NamedTuple):
@@ -137,7 +127,7 @@ def append_verdict(
         setattr(submission, name, value)
     session.add(VerdictRow(**_verdict_values(submission, verdict, cause), reviewer=reviewer))
     session.flush()
-    _add_event(session, submission.id, submission.status)
+    add_event(session, submission.id, submission.status)
 
 
 def get(session: Session, submission_id: str) -> Submission | None:
@@ -166,34 +156,7 @@ def tell_case(session: Session, submission_id: str, case: int, cases: int, withi
     more."""
     submission = session.get(Submission, submission_id, with_for_update=True)
     if submission is not None and submission.status == RUNNING:
-        unit = "ep" if within is not None and within.unit == "episode" else "s"
-        at = f"case {case} of {cases}" if within is None else f"{case}/{cases} {unit} {within.at}/{within.of}"
-        _add_event(session, submission_id, at)
-
-
-@dataclass(frozen=True)
-class CaseProgress:
-    """How far a running script is: at a case of so many, and within it."""
-
-    case: int
-    cases: int
-    within: TrialProgress | None = None
-
-    @property
-    def words(self) -> str:
-        """As it is shown: `case 2 of 7, episode 3 of 20`."""
-        return f"case {self.case} of {self.cases}" + (f", {self.within.words}" if self.within else "")
-
-
-def read_case(event: Event | None) -> CaseProgress | None:
-    """How far the script is that an event tells of; None for other events."""
-    match = None if event is None else AT_CASE.fullmatch(event.name)
-    if match is None:
-        return None
-    if match[1]:
-        return CaseProgress(int(match[1]), int(match[2]))
-    within = TrialProgress(int(match[6]), int(match[7]), "episode" if match[5] == "ep" else "s")
-    return CaseProgress(int(match[3]), int(match[4]), within)
+        add_event(session, submission_id, name_case(case, cases, within))
 
 
 def page(session: Session, wanted: SubmissionFilter, before: str | None, limit: int) -> Sequence[Submission]:
@@ -359,34 +322,11 @@ def last_marks(session: Session, submissions: Iterable[Submission]) -> dict[str,
     return {submission_id: (pair[0], pair[1]) for submission_id, pair in by_submission.items()}
 
 
-EVENTS_AFTER = (
-    select(Event)
-    .where(Event.submission_id == bindparam("of"), Event.number > bindparam("after"))
-    .order_by(Event.number)
-)
-
-
-def events_after(session: Session, submission_id: str, number: int) -> Sequence[Event]:
-    """The submission's events after event `number`, in order."""
-    return session.scalars(EVENTS_AFTER, {"of": submission_id, "after": number}).all()
-
-
-def last_event(session: Session, submission_id: str) -> int:
-    """The number of the submission's newest event; 0 if there is none."""
-    return session.scalar(select(func.max(Event.number)).where(Event.submission_id == submission_id)) or 0
-
-
-def case_now(session: Session, submission_id: str) -> CaseProgress | None:
-    """The case that a running script is at, as far as its newest event tells."""
-    newest = select(Event).where(Event.submission_id == submission_id).order_by(Event.number.desc()).limit(1)
-    return read_case(session.scalar(newest))
-
-
 def _change_status(session: Session, submission_id: str, status: str) -> Submission:
     submission = session.get_one(Submission, submission_id)
     submission.status = status
     session.flush()
-    _add_event(session, submission_id, status)
+    add_event(session, submission_id, status)
     return submission
 
 
@@ -412,20 +352,3 @@ def _verdict_values(submission: Submission, verdict: Verdict, cause: str) -> dic
         "points": verdict.points, "max_points": verdict.max_points, "course": submission.course,
         "seed": submission.seed, "content_digest": verdict.content_digest, "body": verdict.model_dump_json(),
     }  # fmt: skip
-
-
-NEW_EVENT = insert(Event).from_select(
-    ["submission_id", "number", "name", "created_at"],
-    select(
-        bindparam("of", type_=String),
-        1 + func.coalesce(func.max(Event.number), 0),
-        bindparam("called", type_=String),
-        bindparam("at", type_=UtcDateTime),
-    ).where(Event.submission_id == bindparam("of", type_=String)),
-)
-
-
-def _add_event(session: Session, submission_id: str, name: str) -> None:
-    """Adds an event, and announces it."""
-    session.connection().execute(NEW_EVENT, {"of": submission_id, "called": name, "at": now()})
-    announce(session, EVENTS, submission_id)

@@ -21,6 +21,7 @@ from grader.gate.problems import refusals
 from grader.gate.services import AppServices, Services
 from grader.store import submissions
 from grader.store.engine.database import AWAY
+from grader.store.events import EVENTS, events_after, last_event, read_case
 from grader.store.tables import Event, Submission
 
 router = api_router("submissions")
@@ -50,7 +51,7 @@ def listen(
     with services.database.read() as session:
         submission = find_visible(session, submission_id, who)
         if last:  # else the first event is still to be told
-            last = min(last, submissions.last_event(session, submission_id))
+            last = min(last, last_event(session, submission_id))
             access = read_access_to(session, services, who, submission)
             if submission.status in submissions.AT_REST and not events_shown(session, access, submission, last):
                 raise HTTPException(204)
@@ -71,7 +72,7 @@ async def follow_events(listener: Annotated[Listener, Depends(listen)]) -> Async
     def wake() -> None:
         loop.call_soon_threadsafe(changed.set)
 
-    with streams.open(user) as changed, signals.listening(submissions.EVENTS, wake, listener.submission_id):
+    with streams.open(user) as changed, signals.listening(EVENTS, wake, listener.submission_id):
         while not over and streams.is_open(user, changed):
             changed.clear()
             try:
@@ -101,7 +102,7 @@ def read_events(listener: Listener, last: int) -> tuple[list[ServerSentEvent], b
             decision = access.decide(submission.quiz, submission.question)
             shown = describe_for(decision, submission, verdict, name, with_answer=False)
         else:  # a verdict that PostgreSQL has committed meanwhile is announced, and read then
-            later = submissions.events_after(session, submission.id, last)
+            later = events_after(session, submission.id, last)
             events = [event for event in later if event.name not in submissions.AT_REST]
     return [serialise_event(event, shown) for event in events], over
 
@@ -121,15 +122,15 @@ def serialise_event(event: Event, shown: dict[str, Any]) -> ServerSentEvent:
 def events_shown(session: Session, access: LearnerAccess, submission: Submission, last: int) -> list[Event]:
     """The events after number `last` that the user may see: before the feedback, none after the first verdict."""
     if access.decide(submission.quiz, submission.question).shown is not Visibility.RECEIPT:
-        return list(submissions.events_after(session, submission.id, last))
-    events = submissions.events_after(session, submission.id, 0)
+        return list(events_after(session, submission.id, last))
+    events = events_after(session, submission.id, 0)
     first = next((event.number for event in events if event.name in submissions.AT_REST), len(events))
     return [event for event in events if last < event.number <= first]
 
 
 def event_name(event: Event, shown: dict[str, Any]) -> str:
     """The name of an event: that of a withheld verdict is `needs_review`, as is the status that is shown."""
-    if submissions.read_case(event):
+    if read_case(event):
         return PROGRESS
     withheld = event.name in submissions.AT_REST and shown["status"] == submissions.NEEDS_REVIEW
     return submissions.NEEDS_REVIEW if withheld else event.name
@@ -140,7 +141,7 @@ def event_data(event: Event, shown: dict[str, Any]) -> dict[str, Any]:
     script that takes long, also the number of the case that it is at, and of all cases; of a long case, `within`."""
     if event.name in submissions.AT_REST:
         return shown
-    if at := submissions.read_case(event):
+    if at := read_case(event):
         where = {"case": at.case, "cases": at.cases, **({"within": at.within.words} if at.within else {})}
         return {"id": event.submission_id, "status": submissions.RUNNING, **where}
     return {"id": event.submission_id, "status": event.name}

@@ -15,6 +15,7 @@ from grader.library import Library
 from grader.queue import jobs
 from grader.store import intake, submissions
 from grader.store.engine.database import Database
+from grader.store.events import EVENTS
 from grader.store.submissions import STOP
 from grader.store.tables import Submission
 
@@ -32,7 +33,7 @@ WAIT_S = 5.0
 def stop(database: Database, library: Library, who: Identity, submission_id: str) -> str:
     """Stops a learner's script; says what came of it. Raises NotFound, and Conflict if it is judged or stopping."""
     changed = threading.Event()
-    with database.signals.listening(submissions.EVENTS, changed.set, submission_id):
+    with database.signals.listening(EVENTS, changed.set, submission_id):
         with database.write() as session:
             submission = submissions.get(session, submission_id) if submission_id.isalnum() else None
             if submission is None or (submission.course, submission.learner) != (who.course, who.id):

@@ -17,7 +17,8 @@ from grader.library.lesson_ids import OTHER, find_lesson_id
 from grader.pack.kit import build_kit
 from grader.questions import kind_of
 from grader.queue import jobs
-from grader.store.submissions import QUEUED, RUNNING, case_now
+from grader.store.events import case_now
+from grader.store.submissions import QUEUED, RUNNING
 from grader.web.frame.assets import FOLDER
 from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import HEADERS, page
