@@ -154,7 +154,7 @@ def make_judge(archive: Archive, graders: Graders, tell: TellCase = ignore_progr
 
 
 def make_grade(archive: Archive, graders: Graders, tell: TellCase = ignore_progress) -> Judge:
-    """As `judge_with`, by the content that the submission was made against."""
+    """As `make_judge`, by the content that the submission was made against."""
     judge = make_judge(archive, graders, tell)
     return lambda submission: judge(submission, submission.content_digest)
 

@@ -136,11 +136,9 @@ class Regrading:
             return RegradedSubmission(work, RegradeOutcome.UNFIT)
         if submission.status not in submissions.AT_REST:
             return RegradedSubmission(work, None)
-        return (
-            RegradedSubmission(work, RegradeOutcome.REVIEWED)
-            if work.reviewed
-            else self._judged(work, submission, digest)
-        )
+        if work.reviewed:
+            return RegradedSubmission(work, RegradeOutcome.REVIEWED)
+        return self._judged(work, submission, digest)
 
     def _judged(self, work: Work, submission: Submission, digest: str) -> RegradedSubmission:
         try:

@@ -59,7 +59,7 @@ const say = StateEffect.define(); // { line, text }, or null
 const said = StateField.define({
   create: () => Decoration.none,
   update(marks, change) {
-    const effect = change.effects.find((effect) => effect.is(say));
+    const effect = change.effects.find((candidate) => candidate.is(say));
     if (!effect) return marks.map(change.changes);
     const { line: number, text } = effect.value ?? {};
     if (!number || number > change.state.doc.lines) return Decoration.none;

@@ -13,7 +13,7 @@ export async function openLab(box, target) {
   };
   try {
     const [quiz, kind] = await Promise.all([get(`/quizzes/${encodeURIComponent(target.quiz)}`), import(`./labs/${box.dataset.form}.js`)]);
-    const lab = target.lab ? quiz.labs.find((lab) => lab.id === target.lab) : quiz.questions.find((question) => question.id === target.question).lab;
+    const lab = target.lab ? quiz.labs.find(({ id }) => id === target.lab) : quiz.questions.find(({ id }) => id === target.question).lab;
     const run = (controls, more = {}) => post("/labs:run", { ...target, ...more, controls });
     kind.open(box, { lab, run, tell });
   } catch (error) {

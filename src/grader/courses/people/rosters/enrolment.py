@@ -147,7 +147,7 @@ def list_roster(session: Session, course: str) -> list[Entry]:
 
 
 def list_roster_with_ids(session: Session, course: str, namespace: str) -> list[Entry]:
-    """As `roster_of`, each with an id: that of the namespace, else ours."""
+    """As `list_roster`, each with an id: that of the namespace, else ours."""
     entries = []
     for member in people.list_enrolled(session, course):
         known = known_as(member)

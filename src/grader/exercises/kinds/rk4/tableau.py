@@ -225,7 +225,7 @@ def exclude(every: Sequence[int], without: Sequence[int]) -> list[int]:
 def read_rows(
     systems: Sequence[System], slope: str, known: Sequence[Matrix], from_velocities: Sequence[Combination] = ()
 ) -> list[Combination | None]:
-    """Returns the combinations of all stages and of the result; rows of `known` and `given` are tried first."""
+    """Returns the combinations of all stages and the result; rows of `known` and `from_velocities` are tried first."""
     combinations: list[Combination | None] = []
     for row, system in enumerate(systems, 1):
         last = row == len(systems)

@@ -64,7 +64,7 @@ class Adaptive:
         self.run = make_adaptive(counted, start, int(self.model.nq), method)
 
     def __call__(self) -> Array:
-        """The positions at the instants of `times_of`, (SAMPLES + 1, nq). Raises RuntimeError where SciPy gives up."""
+        """The positions at the times of `list_times`, (SAMPLES + 1, nq). Raises RuntimeError where SciPy gives up."""
         self.evaluations = 0
         mujoco.mj_resetData(self.model, self.data)  # the warm start of the last run
         return self.run(self.tolerance, list_times(self.name))
