@@ -20,9 +20,9 @@ from grader.store import regrades
 from grader.store.events import case_now
 from grader.store.tables import Submission
 from support.databases import BACKENDS, database_url
+from support.processes import descendants_running
 from support.queue_kills import (
     client_of,
-    descendants,
     handed_in,
     process_of,
     settings_on,
@@ -184,7 +184,7 @@ def test_a_script_is_stopped_in_a_worker_of_its_own(tmp_path: Path) -> None:
             with client_of(serving, "ann") as ann:
                 assert_graded(ann)  # the worker has the content from now on
                 address = start(ann, ENDLESS)
-                grading = [pid for pid, command in descendants(worker.pid) if "grading.process_main" in command]
+                grading = descendants_running(worker.pid, "grading.process_main")
                 assert_stopped(stop(ann, address))
-                assert [pid for pid, command in descendants(worker.pid) if "grading.process_main" in command] == grading
+                assert descendants_running(worker.pid, "grading.process_main") == grading
                 assert_graded(ann)

@@ -15,10 +15,10 @@ from grader.queue import jobs
 from grader.store.engine.database import Database
 from grader.store.tables import VerdictRow
 from support.outages import Disk
+from support.processes import command_line, descendants
 from support.queue_kills import (
     PAUSES,
     client_of,
-    descendants,
     hand_in,
     handed_in,
     kill_grading_process,
@@ -74,10 +74,10 @@ def test_a_killed_server_leaves_no_process_behind_and_the_next_one_grades_the_re
         with client_of(settings, "ann") as client:
             ids = [hand_in(client, number) for number in range(3)]
         time.sleep(0.4)
-        below = [pid for pid, _ in descendants(server.pid)]
+        below = descendants(server.pid)
         assert below
     deadline = time.monotonic() + 20
-    while any(Path(f"/proc/{pid}/cmdline").exists() and Path(f"/proc/{pid}/cmdline").read_bytes() for pid in below):
+    while any(command_line(pid) for pid in below):
         assert time.monotonic() < deadline, "a process outlived its server"
         time.sleep(0.05)
     with next_server(settings), client_of(settings, "ann") as client:

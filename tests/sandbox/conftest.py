@@ -14,6 +14,7 @@ import pytest
 
 from grader.sandbox.inside import kernel, lockdown
 from grader.sandbox.jail import Jail
+from support.processes import descendants, program
 
 ROOT = Path(__file__).parents[2]
 MODELS = ROOT / "models"
@@ -99,34 +100,8 @@ def jailed() -> set[int]:
 
     Other tests may have left a process with the interpreter, as multiprocessing does with its resource tracker.
     """
-    return {
-        pid for child in descendants(os.getpid()) if command(child) == "bwrap" for pid in {child} | descendants(child)
-    }
-
-
-def command(pid: int) -> str:
-    """The name of a process, empty once it has ended."""
-    try:
-        return Path(f"/proc/{pid}/comm").read_text().strip()
-    except OSError:
-        return ""
-
-
-def descendants(pid: int) -> set[int]:
-    parents: dict[int, list[int]] = {}
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                stat = (entry / "stat").read_text().rpartition(")")[2].split()
-            except (FileNotFoundError, ProcessLookupError):
-                continue
-            parents.setdefault(int(stat[1]), []).append(int(entry.name))
-    pids, queue = set[int](), [pid]
-    while queue:
-        children = parents.get(queue.pop(), [])
-        pids.update(children)
-        queue += children
-    return pids
+    cells = [pid for pid in descendants(os.getpid()) if program(pid) == "bwrap"]
+    return {pid for cell in cells for pid in (cell, *descendants(cell))}
 
 
 def resident_kb(pid: int) -> int:

@@ -13,7 +13,8 @@ import pytest
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.errors import JailFault
 from grader.sandbox.jail import Jail
-from sandbox.conftest import MODELS, at_rest_with, census, command, descendants, jailed, settled
+from sandbox.conftest import MODELS, at_rest_with, census, jailed, settled
+from support.processes import descendants, program
 
 DRIVER = "def run(student, inputs, submit):\n    submit('answer', [1.0])\n"
 TRIVIAL = Job("print('hi')", DRIVER, {})
@@ -23,7 +24,7 @@ SLEEPER = Job("import time\ntime.sleep(30)", DRIVER, {}, Limits(cpu_s=5, wall_s=
 def zygotes() -> list[int]:
     """Interpreters whose parent is bubblewrap."""
     ours = descendants(os.getpid())
-    return [pid for pid in ours if command(pid).startswith("python") and command(parent(pid)) == "bwrap"]
+    return [pid for pid in ours if program(pid).startswith("python") and program(parent(pid)) == "bwrap"]
 
 
 def parent(pid: int) -> int:
@@ -129,7 +130,7 @@ def test_the_servers_environment_is_in_no_process_of_the_jail(monkeypatch: pytes
     with Jail(MODELS, workers=1):
         at_rest_with(processes=5)
         for pid in jailed():
-            assert b"canary-of-the-environment" not in Path(f"/proc/{pid}/environ").read_bytes(), command(pid)
+            assert b"canary-of-the-environment" not in Path(f"/proc/{pid}/environ").read_bytes(), program(pid)
 
 
 def test_runs_as_nobody_when_root_started_it() -> None:
@@ -137,7 +138,7 @@ def test_runs_as_nobody_when_root_started_it() -> None:
         at_rest_with(processes=5)
         (zygote,) = zygotes()
         expected = 65534 if os.geteuid() == 0 else os.geteuid()
-        for pid in {zygote} | descendants(zygote):
+        for pid in (zygote, *descendants(zygote)):
             status = Path(f"/proc/{pid}/status").read_text().splitlines()
             uids = next(line for line in status if line.startswith("Uid:")).split()[1:]
             assert set(uids) == {str(expected)}

@@ -23,7 +23,8 @@ from grader.service.app import admission_rules
 from grader.settings import Settings
 from grader.store.engine.database import Database
 from support.databases import database_url
-from support.queue_kills import START_S, descendants, process_of, settings_on, wait_for, wait_until_ready
+from support.processes import command_line, descendants, listening_children
+from support.queue_kills import START_S, process_of, settings_on, wait_for, wait_until_ready
 from support.tokens import issue_token
 
 SUBMISSIONS = "/api/v1/submissions"
@@ -37,18 +38,9 @@ class Served:
     def __init__(self, pid: int, settings: Settings) -> None:
         self.pid, self.settings = pid, settings
 
-    def parts(self) -> list[int]:
-        """The processes that it has started, by age."""
-        children = Path(f"/proc/{self.pid}/task").glob("*/children")
-        return sorted(int(one) for child in children for one in child.read_text().split())
-
     def servers(self) -> list[int]:
-        """The servers; the worker is the one with grading processes below it."""
-        return [
-            part
-            for part in self.parts()
-            if not any("grading.process_main" in command for _, command in descendants(part))
-        ]
+        """The servers; the worker listens on no port."""
+        return listening_children(self.pid)
 
     @contextmanager
     def client_at(self, server: int, token: str) -> Iterator[httpx.Client]:
@@ -81,19 +73,11 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
             one = Served(process.pid, settings)
             wait_for(lambda: len(one.servers()) == 2)
             yield one
-            started = [pid for pid, _ in descendants(process.pid)]
+            started = descendants(process.pid)
             process.terminate()
             assert process.wait(START_S) == 0
-            assert [pid for pid in started if is_alive(pid)] == []
+            assert [pid for pid in started if command_line(pid)] == []
             assert "Fatal" not in (folder / "log").read_text()
-
-
-def is_alive(pid: int) -> bool:
-    """Whether a process runs; one that nobody has waited for does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return False
 
 
 def counted(client: httpx.Client) -> float:
@@ -180,9 +164,10 @@ def test_a_killed_server_is_replaced_while_the_other_answers(served: Served) -> 
         with served.client_at(new, token) as fresh:
             made = fresh.post(SUBMISSIONS, json=CHOICE)
             assert made.status_code == 201
-            newest = [item["id"] for item in fresh.get(SUBMISSIONS, params={"limit": 100}).json()["items"]]
+            expected = [made.json()["id"], *reversed(acknowledged)][:100]
+            newest = [item["id"] for item in fresh.get(SUBMISSIONS, params={"limit": len(expected)}).json()["items"]]
     assert acknowledged
-    assert newest == [made.json()["id"], *reversed(acknowledged)][:100]
+    assert newest == expected
 
 
 COUNTS = """

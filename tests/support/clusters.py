@@ -13,8 +13,9 @@ import psycopg
 import pytest
 from sqlalchemy.engine import make_url
 
+from support.processes import descendants
 from support.proxies import free_port, program, running
-from support.queue_kills import descendants, wait_for
+from support.queue_kills import wait_for
 from support.users import NOBODY, as_user
 
 POOLER = """
@@ -80,7 +81,7 @@ class Pair:
 
     def kill_primary(self) -> None:
         """Ends every process of the primary at once, as a power cut does."""
-        for pid in [self._primary.pid, *(pid for pid, _ in descendants(self._primary.pid))]:
+        for pid in [self._primary.pid, *descendants(self._primary.pid)]:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
 

@@ -16,6 +16,7 @@ import httpx
 from grader.service.app import create_app
 from grader.settings import Settings
 from support.forked_commands import Forked, fork_command
+from support.processes import descendants_running
 from support.servers import PLAIN, serving
 from support.tokens import issue_token
 
@@ -116,23 +117,6 @@ def handed_in(client: httpx.Client, source: str) -> httpx.Response:
     return client.post("/api/v1/submissions", json=body)
 
 
-def descendants(pid: int) -> list[tuple[int, str]]:
-    """The processes below `pid` and their command lines, parents first."""
-    children = []
-    for child in Path(f"/proc/{pid}/task").glob("*/children"):
-        try:
-            pids = [int(one) for one in child.read_text().split()]
-        except OSError:
-            continue
-        for one in pids:
-            try:
-                command = Path(f"/proc/{one}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
-            except OSError:
-                continue
-            children += [(one, command), *descendants(one)]
-    return children
-
-
 def kill_grading_process(server: int, draw: random.Random) -> None:
     """Kills one of the grading processes."""
     kill(server, ("grader.grading.process_main",), draw)
@@ -147,7 +131,7 @@ def kill(server: int, names: tuple[str, ...], draw: random.Random) -> None:
     """Kills one of the processes below `server` whose command line holds one of the names; waits for one."""
     deadline = time.monotonic() + START_S
     while True:
-        processes = [pid for pid, command in descendants(server) if any(name in command for name in names)]
+        processes = descendants_running(server, *names)
         if processes:
             with suppress(ProcessLookupError):
                 os.kill(draw.choice(processes), signal.SIGKILL)
