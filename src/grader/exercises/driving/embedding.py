@@ -10,7 +10,6 @@ from inspect import getsource
 from typing import Any
 
 import mujoco
-import numpy as np
 
 from grader.exercises.driving import catching, harness, recorder
 from grader.exercises.kind import Kind, Trial
@@ -49,7 +48,7 @@ def compile_driver(kind: str) -> Mapping[str, bytes]:
 def save_models(
     kind: Kind[Any, Any, Any], parameters: ExerciseParameters, trials: Sequence[Trial[Any]]
 ) -> dict[str, str]:
-    """Returns the compiled models of trials by their MJCF text, as MuJoCo saves them, in base64; large ones are left
+    """Returns the compiled models of trials by their MJCF text, as pickle keeps them, in base64; large ones are left
     out. The jail alone loads them: MuJoCo does not check what it loads, and these are ours."""
     models = {trial.inputs.get("model"): kind.compile_model(parameters, trial) for trial in trials}
     return {
@@ -60,7 +59,5 @@ def save_models(
 
 
 def save_model(model: mujoco.MjModel) -> str:
-    """Returns a model as MuJoCo saves it, in base64."""
-    saved = np.empty(mujoco.mj_sizeModel(model), np.uint8)
-    mujoco.mj_saveModel(model, None, saved)
-    return base64.b64encode(saved.tobytes()).decode()
+    """Returns the state of a model, as pickle keeps it, in base64."""
+    return base64.b64encode(model.__getstate__()).decode()

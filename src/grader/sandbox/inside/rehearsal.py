@@ -5,8 +5,6 @@ Nothing here depends on a job, and nothing is kept."""
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-
 XML = """
 <mujoco>
   <worldbody>
@@ -46,12 +44,12 @@ class Rehearsal:
         import mujoco
 
         model = mujoco.MjSpec.from_string(XML).compile()  # which leaves no text behind, as MjModel does
-        buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
-        mujoco.mj_saveModel(model, None, buffer)
-        self.model, self.load = {"model.mjb": buffer.tobytes()}, mujoco.MjModel.from_binary_path
+        self.model, self.state = mujoco.MjModel, model.__getstate__()
 
     def run(self) -> None:
         """Runs the script on the model."""
         module: Any = ModuleType("rehearsal")
         exec(compile(SOURCE, "rehearsal.py", "exec", dont_inherit=True), vars(module))  # noqa: S102 - our own
-        module.simulate(self.load("model.mjb", self.model), 3)
+        model = self.model.__new__(self.model)
+        model.__setstate__(self.state)
+        module.simulate(model, 3)
