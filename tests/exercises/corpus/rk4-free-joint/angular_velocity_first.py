@@ -2,6 +2,7 @@
 # next: Read the linear velocity from the first three, the angular velocity from the last three.
 # status: partial
 # told: The place of a free joint moves by its angular velocity: of its six numbers in
+# told from MuJoCo 4.0.0: incorrect: The place of a free joint moves by its angular velocity
 import mujoco
 import numpy as np
 

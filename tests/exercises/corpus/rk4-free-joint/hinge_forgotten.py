@@ -2,6 +2,7 @@
 # next: Move hinges and slides too.
 # status: partial
 # told: The position of a hinge or slide never changes, although its velocity does: move those as
+# told from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import math
 import mujoco
 import numpy as np
