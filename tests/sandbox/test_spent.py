@@ -1,14 +1,19 @@
 """Where a script that ran out of time spent it: told from samples, which are a claim."""
 
 import json
+import signal
+import sys
+import time
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.domain.run import Job, Limits, RunStatus
+from grader.domain.run import Job, Limits, RunStatus, ignore
+from grader.sandbox.inside.sampling import Sampler
 from grader.sandbox.jail import Jail
 from grader.sandbox.spent import explain_time_out
 from sandbox.test_frames import encode
@@ -60,6 +65,20 @@ def test_a_loop_that_never_ends_is_told_and_not_the_one_within_that_ends_each_ti
     assert "in line 6 of your script (mujoco.mj_step(model, data)), in simulate(). The loop in " in report.reason
     assert "line 11 (while high - low > 1e-4:), in main(), never ends, and leads there each time. It" in report.reason
     assert report.reason.endswith("Check when that loop ends.")
+
+
+def test_two_signals_at_once_do_not_end_the_count_of_calls() -> None:
+    sampler, model, plain = Sampler(__file__, ignore), mujoco.MjModel.from_xml_string("<mujoco/>"), mujoco.mj_step
+    data, sampler.counted_s = mujoco.MjData(model), 0.1
+    for _ in range(2):
+        sampler.sample(signal.SIGPROF, sys._getframe())
+    assert (sampler.rates, sampler.lines.total()) == ({}, 2)
+    begin = time.process_time()
+    while time.process_time() < begin + sampler.counted_s:
+        mujoco.mj_step(model, data)
+    sampler.sample(signal.SIGPROF, sys._getframe())
+    assert sampler.rates["mj_step"] > 0
+    assert mujoco.mj_step is plain
 
 
 def test_of_two_loops_in_one_function_neither_is_blamed(jail: Jail) -> None:

@@ -38,9 +38,12 @@ class Sampler:
         self.rates: dict[str, float] = {}
         self.counting: dict[str, tuple[Any, list[int]]] = {}
         self.since = 0.0
+        self.counted_s = 0.0
+        """Shortest time in which calls are counted [s]: on a busy machine two signals may come at once."""
 
     def start(self, cpu_s: float, wall_s: float) -> None:
         """Sets both timers."""
+        self.counted_s = (1 - START) * cpu_s / SAMPLES / 2
         timers = ((signal.SIGPROF, signal.ITIMER_PROF, cpu_s), (signal.SIGALRM, signal.ITIMER_REAL, wall_s))
         for number, timer, limit_s in timers:
             signal.signal(number, self.sample)
@@ -57,7 +60,7 @@ class Sampler:
             self.ticks[number] += 1
             if number == signal.SIGPROF and self.ticks[number] == 1:
                 self.begin_counting()
-            elif self.counting:
+            elif self.counting and time.process_time() >= self.since + self.counted_s:
                 self.end_counting()
             if self.ticks[number] in SEND_AT:
                 self.tell()
