@@ -14,7 +14,7 @@ import pytest
 
 from grader.sandbox.inside import kernel, lockdown
 from grader.sandbox.jail import Jail
-from support.processes import descendants, program
+from support.processes import descendants, program_name
 
 ROOT = Path(__file__).parents[2]
 MODELS = ROOT / "models"
@@ -100,7 +100,7 @@ def jailed() -> set[int]:
 
     Other tests may have left a process with the interpreter, as multiprocessing does with its resource tracker.
     """
-    cells = [pid for pid in descendants(os.getpid()) if program(pid) == "bwrap"]
+    cells = [pid for pid in descendants(os.getpid()) if program_name(pid) == "bwrap"]
     return {pid for cell in cells for pid in (cell, *descendants(cell))}
 
 

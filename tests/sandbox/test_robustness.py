@@ -14,7 +14,7 @@ from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.errors import JailFault
 from grader.sandbox.jail import Jail
 from sandbox.conftest import MODELS, at_rest_with, census, jailed, settled
-from support.processes import descendants, program
+from support.processes import descendants, find_parent, program_name
 
 DRIVER = "def run(student, inputs, submit):\n    submit('answer', [1.0])\n"
 TRIVIAL = Job("print('hi')", DRIVER, {})
@@ -24,14 +24,7 @@ SLEEPER = Job("import time\ntime.sleep(30)", DRIVER, {}, Limits(cpu_s=5, wall_s=
 def zygotes() -> list[int]:
     """Interpreters whose parent is bubblewrap."""
     ours = descendants(os.getpid())
-    return [pid for pid in ours if program(pid).startswith("python") and program(parent(pid)) == "bwrap"]
-
-
-def parent(pid: int) -> int:
-    try:
-        return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
-    except OSError:
-        return 0
+    return [pid for pid in ours if program_name(pid).startswith("python") and program_name(find_parent(pid)) == "bwrap"]
 
 
 def patiently(jail: Jail, job: Job) -> RunReport:
@@ -58,7 +51,7 @@ def test_bubblewrap_killed_is_the_same() -> None:
     with Jail(MODELS, workers=1) as jail:
         for _ in range(3):
             (zygote,) = zygotes()
-            os.kill(parent(zygote), signal.SIGKILL)
+            os.kill(find_parent(zygote), signal.SIGKILL)
             assert patiently(jail, TRIVIAL).status is RunStatus.RETURNED
 
 
@@ -130,7 +123,7 @@ def test_the_servers_environment_is_in_no_process_of_the_jail(monkeypatch: pytes
     with Jail(MODELS, workers=1):
         at_rest_with(processes=5)
         for pid in jailed():
-            assert b"canary-of-the-environment" not in Path(f"/proc/{pid}/environ").read_bytes(), program(pid)
+            assert b"canary-of-the-environment" not in Path(f"/proc/{pid}/environ").read_bytes(), program_name(pid)
 
 
 def test_runs_as_nobody_when_root_started_it() -> None:

@@ -69,12 +69,12 @@ def test_a_loop_that_never_ends_is_told_and_not_the_one_within_that_ends_each_ti
 
 def test_two_signals_at_once_do_not_end_the_count_of_calls() -> None:
     sampler, model, plain = Sampler(__file__, ignore), mujoco.MjModel.from_xml_string("<mujoco/>"), mujoco.mj_step
-    data, sampler.counted_s = mujoco.MjData(model), 0.1
+    data, sampler.count_s_min = mujoco.MjData(model), 0.1
     for _ in range(2):
         sampler.sample(signal.SIGPROF, sys._getframe())
     assert (sampler.rates, sampler.lines.total()) == ({}, 2)
     begin = time.process_time()
-    while time.process_time() < begin + sampler.counted_s:
+    while time.process_time() < begin + sampler.count_s_min:
         mujoco.mj_step(model, data)
     sampler.sample(signal.SIGPROF, sys._getframe())
     assert sampler.rates["mj_step"] > 0

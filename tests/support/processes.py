@@ -25,11 +25,18 @@ def command_line(pid: int) -> str:
     return ""
 
 
-def program(pid: int) -> str:
+def program_name(pid: int) -> str:
     """The name of what a process runs, empty once it has ended."""
     with suppress(psutil.NoSuchProcess):
         return psutil.Process(pid).name()
     return ""
+
+
+def find_parent(pid: int) -> int:
+    """The parent of a process, 0 once it has ended."""
+    with suppress(psutil.NoSuchProcess):
+        return psutil.Process(pid).ppid()
+    return 0
 
 
 def listening_children(pid: int) -> list[int]:

@@ -1,6 +1,6 @@
 """Samples where a script spends its time, once half of its limit is used up: a script that is in time pays nothing. A
 timer of CPU time, and one of wall time for scripts that wait, raise a signal some tens of times; its handler counts the
-innermost line of the student's file, and sees which calls go on all the time. During one interval mj_step and
+innermost line of the student's file, and sees which calls go on all the time. For about one interval mj_step and
 mj_forward are counted as well. What was seen is sent twice before the end, as the array `where` of JSON text: a claim,
 like all that this process sends."""
 
@@ -38,12 +38,12 @@ class Sampler:
         self.rates: dict[str, float] = {}
         self.counting: dict[str, tuple[Any, list[int]]] = {}
         self.since = 0.0
-        self.counted_s = 0.0
+        self.count_s_min = 0.0
         """Shortest time in which calls are counted [s]: on a busy machine two signals may come at once."""
 
     def start(self, cpu_s: float, wall_s: float) -> None:
         """Sets both timers."""
-        self.counted_s = (1 - START) * cpu_s / SAMPLES / 2
+        self.count_s_min = (1 - START) * cpu_s / SAMPLES / 2
         timers = ((signal.SIGPROF, signal.ITIMER_PROF, cpu_s), (signal.SIGALRM, signal.ITIMER_REAL, wall_s))
         for number, timer, limit_s in timers:
             signal.signal(number, self.sample)
@@ -60,7 +60,7 @@ class Sampler:
             self.ticks[number] += 1
             if number == signal.SIGPROF and self.ticks[number] == 1:
                 self.begin_counting()
-            elif self.counting and time.process_time() >= self.since + self.counted_s:
+            elif self.counting and time.process_time() >= self.since + self.count_s_min:
                 self.end_counting()
             if self.ticks[number] in SEND_AT:
                 self.tell()
