@@ -4,8 +4,10 @@ No expected value comes from the certifying code: each is a formula, or a soluti
 """
 
 import math
+import re
 from typing import Any
 
+import numpy as np
 import pytest
 import scipy
 
@@ -250,6 +252,45 @@ def test_the_true_number_is_certified_and_a_false_one_refuted(name: str) -> None
     assert (true.verdict, true.regime["failed"]) == ("certified", None), true.why
     false = certify(numeric(value + 4 * tol, tol, unit, by="measurement", **verify))
     assert false.verdict == "refuted", false.why
+
+
+SWING = {"xml": world(rod(1.0, joint='damping="0.1"'), gravity=f"0 0 -{G}"), "setup": "data.qpos[0] = 2.6", "expr": X,
+         "seconds": 16, "level": 0}  # fmt: skip
+"""A pendulum that swings far at first, and faster and faster as its swing decays."""
+
+
+def test_a_period_that_changes_is_none_unless_one_wave_is_named_or_the_tolerance_holds_them_all() -> None:
+    times = np.arange(0, 16, 1e-3)
+    angle = scipy.integrate.solve_ivp(
+        lambda _t, y: [y[1], -G * math.sin(y[0]) - 0.1 * y[1]], (0, 16), [2.6, 0], t_eval=times, rtol=1e-11, atol=1e-13
+    ).y[0]
+    rises = times[:-1][(angle[:-1] < 0) & (angle[1:] >= 0)]  # to a millisecond
+    waves = rises[1:] - rises[:-1]
+    mean, spread = float(waves.mean()), float(abs(waves - waves.mean()).max())
+    assert len(waves) > 4 and spread > 0.1
+
+    refused = certify(numeric(mean, 0.05, "s", by="measurement", when="period", **SWING))
+    assert (refused.verdict, refused.regime["failed"]) == ("cannot tell", "alike waves")
+    told = [float(number) for number in re.findall(r"[0-9]+[.][0-9]+", refused.why)]
+    assert told == pytest.approx([waves.min(), waves.max(), mean, 0.05], abs=0.002)
+    by_run = certify(numeric(mean, 0.05, "s", by="measurement", when="period", timestep="given", **SWING))
+    assert (by_run.verdict, by_run.regime["failed"]) == ("cannot tell", "alike waves")
+    assert certify(numeric(1 / mean, 0.005, "Hz", by="measurement", when="frequency", **SWING)).verdict == "cannot tell"
+    assert certify(numeric(2 * mean, 0.05, "s", by="measurement", when="period", **SWING)).verdict == "refuted"
+
+    assert certify(numeric(mean, 1.1 * spread, "s", by="measurement", when="period", **SWING)).ok
+    one = {"since": rises[1] - 0.1, "until": rises[2] + 0.1}
+    assert certify(numeric(float(waves[1]), 0.01, "s", by="measurement", when="period", **SWING, **one)).ok
+
+
+def test_a_decay_that_is_no_exponential_has_no_rate() -> None:
+    """Dry friction takes the same from each swing, not the same share of it."""
+    dry = {"xml": world(slide(joint='stiffness="50" frictionloss="0.2"')), "setup": "data.qpos[0] = 0.1", "expr": X,
+           "when": "decay_rate", "seconds": 6}  # fmt: skip
+    derived = certify(numeric(0, 0.01, "1/s", by="measurement", **dry)).answer
+    assert derived is not None and derived > 0.1
+    refused = certify(numeric(derived, 0.1 * derived, "1/s", by="measurement", **dry))
+    assert (refused.verdict, refused.regime["failed"]) == ("cannot tell", "alike waves"), refused.why
 
 
 STIFFNESSES = [0.02 * 1.4**i for i in range(9)]

@@ -224,6 +224,17 @@ def test_a_claim_that_depends_on_the_timestep_is_refused_unless_the_author_says_
         assert certify_exercise(question, lambda _: "", "q.json") == []
 
 
+@pytest.mark.parametrize("timestep", ["both", "any", "given"])
+def test_a_period_that_changes_during_the_run_is_a_fault(timestep: str) -> None:
+    """A learner who measures the first wave, or the last, would get another number."""
+    swing = SPRING.replace('gravity="0 0 0" ', "").replace('type="slide" stiffness="50"', 'axis="0 1 0" pos="0 0 1"')
+    claim = {"name": "period", "quantity": "period", "expr": "data.qpos[0]", "unit": "s", "level": 0, "rtol": 0.001}
+    case = {"xml": swing, "start": {"qpos": [2.0]}}
+    question = pose(case, claims=[{**claim, "timestep": timestep}], seconds=8)
+    (fault,) = certify_exercise(question, lambda _: "", "q.json")
+    assert fault.key == "spring.check.claims.0" and "the period changes during the run" in fault.why
+
+
 @pytest.mark.parametrize(
     ("change", "why"),
     [

@@ -13,7 +13,8 @@ from grader.domain.lab import LabConfig, Readout
 from grader.domain.quantities import BASE_UNITS
 from grader.domain.verify import ByExpression, ByMeasurement
 from grader.errors import InvalidAnswer
-from grader.experiments.limits import UNCERTAINTY_SHARE, Measure, describe_noise, find_limit
+from grader.experiments.limits import UNCERTAINTY_SHARE, Measure, describe_noise, explain_change, find_limit
+from grader.experiments.quantities import WAVES, Floats, measure_waves
 from grader.experiments.quantities import measure as measure_quantity
 from grader.experiments.regime import Regime, RegimeFailure, describe_reset, explain_window
 from grader.experiments.runs import (
@@ -77,6 +78,7 @@ def _certify_run(key: NumberKey, verify: ByMeasurement, measure: Measure) -> Cer
     regime = {"timestep": "given", "failed": None if certificate.verdict != "cannot tell" else "nudged starts"}
     timestep_s = run.duration_s / max(run.steps, 1)
     certificate = replace(certificate, regime=regime | {"own timestep [s]": timestep_s, "round-off": noise})
+    certificate = _require_alike_waves(certificate, key, verify, measure, 1)
     return _remark_last_stage(certificate, key, run, value, measure)
 
 
@@ -93,7 +95,23 @@ def _certify_motion(key: NumberKey, verify: ByMeasurement, measure: Measure) -> 
     if certificate.verdict == "cannot tell":
         checked["failed"] = limit.failed
     certificate = _compare_with_page(replace(certificate, regime=checked), key, verify, limit.regime, limit.own)
+    certificate = _require_alike_waves(certificate, key, verify, measure, limit.ladder.finest)
     return _remark_last_stage(certificate, key, limit.run, limit.own, measure)
+
+
+def _require_alike_waves(
+    certificate: Certificate, key: NumberKey, verify: ByMeasurement, measure: Measure, finer: float
+) -> Certificate:
+    """Refuses a period, a frequency or a rate that is another one in each wave of a run at a `finer` timestep."""
+    if not certificate.ok or verify.when == "end" or verify.when not in WAVES:
+        return certificate
+    run, value = measure(Variant(finer=finer))
+    waves = find_scale(verify.when, key.unit) * measure_waves(verify.when, *read_series(run), verify)
+    why = explain_change(verify.when, waves, value, key.tolerance)
+    if why is None:
+        return certificate
+    regime = {**certificate.regime, "failed": "alike waves"}
+    return replace(certificate, verdict="cannot tell", why=why, regime=regime)
 
 
 def _remark_last_stage(
@@ -141,9 +159,13 @@ def _compare_with_page(
 
 def measure_series(run: LabRun, verify: ByMeasurement) -> float:
     """Returns what `verify` measures in the first readout of a run; NaN where the run does not have it."""
-    series = np.array([to_number(value) for value in run.readouts[0]])
     name = "final" if verify.when == "end" else verify.when
-    return measure_quantity(name, np.array(run.times), series, verify)
+    return measure_quantity(name, *read_series(run), verify)
+
+
+def read_series(run: LabRun) -> tuple[Floats, Floats]:
+    """Returns the times of a run and its first readout."""
+    return np.array(run.times), np.array([to_number(value) for value in run.readouts[0]])
 
 
 def find_scale(when: str, unit: str | None) -> float:

@@ -5,7 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from grader.experiments.ladder import Ladder
+from grader.experiments.quantities import Floats
 from grader.experiments.regime import Regime, check_regime
 from grader.experiments.runs import NUDGED, PROBES, LabRun, Variant
 
@@ -87,6 +90,18 @@ def describe_odd_length(run: LabRun) -> str | None:
     return (
         f"{run.seconds:g} s are no multiple of the timestep {timestep_s:g} s, so that runs at other timesteps end at "
         f"other times: write seconds {whole * timestep_s:.9g}, or the timestep {run.seconds / whole:.9g} in the model"
+    )
+
+
+def explain_change(name: str, waves: Floats, value: float, allowed: float) -> str | None:
+    """Says that a quantity is another one in each wave, and what to ask for instead: whoever measures one wave gets
+    another number than `value`, that of all waves. None where every wave has it within `allowed`."""
+    if not len(waves) or np.abs(waves - value).max() <= allowed:
+        return None
+    return (
+        f"the {name.replace('_', ' ')} changes during the run: single waves have {waves.min():.6g} to "
+        f"{waves.max():.6g}, all together {value:.6g}, and {allowed:.3g} is allowed: name a part of the run with since "
+        "and until, or allow more"
     )
 
 

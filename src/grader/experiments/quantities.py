@@ -26,13 +26,25 @@ EVERYTHING = Window()
 
 def measure(name: QuantityName, times: Floats, values: Floats, window: Window = EVERYTHING) -> float:
     """Returns a quantity of a series (n,) at `times` (n,) [s]; NaN where the series does not have it."""
-    inside = times >= window.since - TIME_SLACK_S
-    if window.until is not None:
-        inside &= times <= window.until + TIME_SLACK_S
-    times, values = times[inside], values[inside]
+    times, values = cut(times, values, window)
     if not len(times) or not np.isfinite(values).all():
         return nan
     return float(MEASURES[name](times, values, window))
+
+
+def measure_waves(name: QuantityName, times: Floats, values: Floats, window: Window = EVERYTHING) -> Floats:
+    """Returns a quantity of each wave of a series by itself, which `measure` takes over all of them: periods and
+    frequencies between two crossings, rates between two peaks. Empty for other quantities."""
+    times, values = cut(times, values, window)
+    return np.diff([]) if name not in WAVES else WAVES[name](times, values, window)
+
+
+def cut(times: Floats, values: Floats, window: Window) -> tuple[Floats, Floats]:
+    """Returns the part of a series that a window shows."""
+    inside = times >= window.since - TIME_SLACK_S
+    if window.until is not None:
+        inside &= times <= window.until + TIME_SLACK_S
+    return times[inside], values[inside]
 
 
 def read_trace(times: Floats, values: Floats, at_s: Floats) -> Floats:
@@ -96,10 +108,15 @@ def find_crossing(times: Floats, values: Floats, window: Window) -> float:
 
 
 def find_period(times: Floats, values: Floats, window: Window) -> float:
-    """The mean time between two upward crossings [s], of the rest position where no level is given."""
-    level = estimate_rest(times, values) if window.level is None else window.level
-    crossings = find_crossings(times, values, level, "up")
+    """The mean time between two upward crossings [s]."""
+    crossings = find_rises(times, values, window)
     return float((crossings[-1] - crossings[0]) / (len(crossings) - 1)) if len(crossings) > 1 else nan
+
+
+def find_rises(times: Floats, values: Floats, window: Window) -> Floats:
+    """The moments of the upward crossings [s], of the rest position where no level is given."""
+    level = estimate_rest(times, values) if window.level is None else window.level
+    return find_crossings(times, values, level, "up")
 
 
 def estimate_rest(times: Floats, values: Floats) -> float:
@@ -118,13 +135,23 @@ def estimate_rest(times: Floats, values: Floats) -> float:
 
 def find_decay_rate(times: Floats, values: Floats, window: Window) -> float:
     """The rate at which the peaks above the level decay [1/s]: the slope of their logarithm, by least squares."""
+    moments, heights = find_peaks(times, values, window)
+    return -float(np.polyfit(moments, np.log(heights), 1)[0]) if len(moments) >= PEAKS_MIN else nan
+
+
+def find_peaks(times: Floats, values: Floats, window: Window) -> tuple[Floats, Floats]:
+    """The moments of the peaks above the level [s], and their heights above it."""
     above = values - (window.level or 0.0)
-    tops = [k for k in range(1, len(above) - 1) if above[k - 1] < above[k] >= above[k + 1] and above[k] > 0]
-    peaks = [refine_peak(above, k) for k in tops]
-    if len(peaks) < PEAKS_MIN:
-        return nan
-    moments = np.interp([at for at, _ in peaks], np.arange(len(times)), times)
-    return -float(np.polyfit(moments, np.log([height for _, height in peaks]), 1)[0])
+    before, here, after = above[:-2], above[1:-1], above[2:]
+    tops = 1 + np.flatnonzero((before < here) & (here >= after) & (here > 0))
+    peaks = np.array([refine_peak(above, int(top)) for top in tops]).reshape(-1, 2)
+    return np.interp(peaks[:, 0], np.arange(len(times)), times), peaks[:, 1]
+
+
+def find_decay_rates(times: Floats, values: Floats, window: Window) -> Floats:
+    """The rates at which each peak above the level decays to the next [1/s]."""
+    moments, heights = find_peaks(times, values, window)
+    return -np.diff(np.log(heights)) / np.diff(moments)
 
 
 def find_settling(times: Floats, values: Floats, window: Window) -> float:
@@ -159,4 +186,10 @@ MEASURES: Mapping[QuantityName, Callable[[Floats, Floats, Window], float]] = {
     "frequency": lambda *given: 1 / find_period(*given),
     "decay_rate": find_decay_rate,
     "settling": find_settling,
+}
+
+WAVES: Mapping[QuantityName, Callable[[Floats, Floats, Window], Floats]] = {
+    "period": lambda *given: np.diff(find_rises(*given)),
+    "frequency": lambda *given: 1 / np.diff(find_rises(*given)),
+    "decay_rate": find_decay_rates,
 }

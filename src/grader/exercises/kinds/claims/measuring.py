@@ -12,8 +12,8 @@ from grader.domain.lab import LabConfig, Readout, Slider
 from grader.errors import LabRefused
 from grader.exercises.kinds.claims.parameters import Claim, Experiment, Floats, Problem
 from grader.exercises.parameters import WrongParameter
-from grader.experiments.limits import UNCERTAINTY_SHARE, describe_noise, find_limit
-from grader.experiments.quantities import measure, read_trace
+from grader.experiments.limits import UNCERTAINTY_SHARE, describe_noise, explain_change, find_limit
+from grader.experiments.quantities import WAVES, measure, measure_waves, read_trace
 from grader.experiments.regime import RegimeFailure, describe_reset
 from grader.experiments.runs import NUDGED, SAME, LabRun, Variant, VerifyError, run_experiment, to_number
 
@@ -96,20 +96,31 @@ class Bench:
         self, claim: Claim, experiment: Experiment, variant: Variant, at_s: float = 0.0
     ) -> tuple[LabRun, float]:
         """Returns a run, and the claim's number in it. Raises RegimeFailure where it has none."""
-        try:
-            run, series = self.read(experiment, variant)
-            column = series[:, self._exprs[experiment].index(claim.expr)]
-        except VerifyError as error:
-            if error.key != "expr":
-                raise
-            run, series = read_series(experiment, [claim.expr], variant)  # whose expression it is
-            column = series[:, 0]
-        value = read_value(claim, np.array(run.times), column, at_s)
+        run, series = self.read_claim(claim, experiment, variant)
+        value = read_value(claim, np.array(run.times), series, at_s)
         if not np.isfinite(value):
             raise RegimeFailure(
                 "finite", f"the run has no {claim.quantity.replace('_', ' ')}: make it longer, or mend expr"
             )
         return run, value
+
+    def read_claim(self, claim: Claim, experiment: Experiment, variant: Variant) -> tuple[LabRun, Floats]:
+        """Returns a run, and what the claim's expression gave in it: (frames,)."""
+        try:
+            run, series = self.read(experiment, variant)
+            return run, series[:, self._exprs[experiment].index(claim.expr)]
+        except VerifyError as error:
+            if error.key != "expr":
+                raise
+            run, series = read_series(experiment, [claim.expr], variant)  # whose expression it is
+            return run, series[:, 0]
+
+    def explain_change(self, claim: Claim, experiment: Experiment, finer: float, allowed: float) -> str | None:
+        """Says that a period, a frequency or a rate is another one in each wave of a run; None where it is not."""
+        variant = Variant(finer=finer)
+        run, series = self.read_claim(claim, experiment, variant)
+        waves = claim.scale * measure_waves(claim.quantity, np.array(run.times), series, claim)
+        return explain_change(claim.quantity, waves, self.measure(claim, experiment, variant)[1], allowed)
 
 
 def read_value(claim: Claim, times: Floats, values: Floats, at_s: float = 0.0) -> float:
@@ -202,6 +213,9 @@ def measure_claim(bench: Bench, index: int) -> MeasuredClaim:
             "model's timestep, raise rtol or tol, or write timestep any, or given for a claim about the discretisation"
         )
         trouble = f"claims.{index}.timestep", why
+    if trouble is None:
+        finest = [limit.ladder.finest for limit in limits]
+        trouble = explain_waves(bench, index, finest, allowed)
     return MeasuredClaim(values, worst.uncertainty, own, trouble)
 
 
@@ -211,7 +225,8 @@ def measure_given(bench: Bench, index: int, own: Floats, allowed: float) -> Meas
     points = list_points(bench.problem, claim)
     nudged = [[bench.measure(claim, experiment, variant, at_s)[1] for experiment, at_s in points] for variant in NUDGED]
     noise = float(np.abs(np.array(nudged) - own).max())
-    return MeasuredClaim(own, noise, own, explain_doubt(index, noise, allowed, describe_noise(noise)))
+    trouble = explain_doubt(index, noise, allowed, describe_noise(noise))
+    return MeasuredClaim(own, noise, own, trouble or explain_waves(bench, index, [1.0] * len(points), allowed))
 
 
 def explain_doubt(index: int, uncertainty: float, allowed: float, cure: str) -> tuple[str, str] | None:
@@ -220,6 +235,18 @@ def explain_doubt(index: int, uncertainty: float, allowed: float, cure: str) -> 
         return None
     known = f"it is known to {uncertainty:.2g} only, more than a fifth of what is allowed, {allowed:.2g}"
     return f"claims.{index}", f"{known}: {cure}"
+
+
+def explain_waves(bench: Bench, index: int, finer: Sequence[float], allowed: float) -> tuple[str, str] | None:
+    """Returns the trouble of a claim that each wave of a run answers otherwise, in runs with timesteps `finer` times
+    shorter."""
+    claim = bench.problem.claims[index]
+    if claim.quantity not in WAVES:
+        return None
+    runs = zip(list_points(bench.problem, claim), finer, strict=True)
+    whys = (bench.explain_change(claim, experiment, times, allowed) for (experiment, _), times in runs)
+    why = next(filter(None, whys), None)
+    return None if why is None else (f"claims.{index}", why)
 
 
 def place_error(index: int, error: Exception) -> tuple[str, str]:
