@@ -101,7 +101,7 @@ def explain_change(name: str, waves: Floats, value: float, allowed: float) -> st
     return (
         f"the {name.replace('_', ' ')} changes during the run: single waves have {waves.min():.6g} to "
         f"{waves.max():.6g}, all together {value:.6g}, and {allowed:.3g} is allowed: name a part of the run with since "
-        "and until, or allow more"
+        "and until, give the level about which it swings, or allow more"
     )
 
 
