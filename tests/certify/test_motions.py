@@ -293,6 +293,22 @@ def test_a_decay_that_is_no_exponential_has_no_rate() -> None:
     assert (refused.verdict, refused.regime["failed"]) == ("cannot tell", "alike waves"), refused.why
 
 
+@pytest.mark.parametrize("timestep", ["any", "given"])
+def test_what_still_moves_at_the_end_of_the_run_has_not_settled(timestep: str) -> None:
+    """Neither does a swing without a damper, nor a slow creep (rate k/c = 1/4 s): both have some last value."""
+    settling = {"by": "measurement", "expr": X, "setup": "data.qpos[0] = 0.1", "when": "settling", "band": 0.01,
+                "seconds": 6, "timestep": timestep}  # fmt: skip
+    for joint, told in (('stiffness="50"', 5.98), ('stiffness="5" damping="20"', 4.54)):
+        refused = certify(numeric(told, 0.02, "s", xml=world(slide(joint=joint)), **settling))
+        assert (refused.verdict, refused.regime["failed"]) == ("cannot tell", "settled"), refused.why
+        assert "in a longer run it settles at" in refused.why
+    slow, fast = ((20 - sign * math.sqrt(20**2 - 4 * 2 * 5)) / (2 * 2) for sign in (1, -1))
+    right = math.log(0.1 * fast / (fast - slow) / 0.01) / slow  # the fast mode is gone by then
+    rest = settling | {"seconds": 11, "level": 0}
+    creep = world(slide(joint='stiffness="5" damping="20"'))
+    assert certify(numeric(right, 0.02, "s", xml=creep, **rest)).ok
+
+
 STIFFNESSES = [0.02 * 1.4**i for i in range(9)]
 
 

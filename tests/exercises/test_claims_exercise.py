@@ -235,6 +235,14 @@ def test_a_period_that_changes_during_the_run_is_a_fault(timestep: str) -> None:
     assert fault.key == "spring.check.claims.0" and "the period changes during the run" in fault.why
 
 
+def test_a_settling_time_that_a_longer_run_denies_is_a_fault() -> None:
+    creep = SPRING.replace('stiffness="50" damping="0.8"', 'stiffness="5" damping="20"')
+    claim = {"name": "rest", "quantity": "settling", "expr": "data.qpos[0]", "unit": "s", "band": 0.01}
+    (fault,) = certify_exercise(pose({"xml": creep}, claims=[claim]), lambda _: "", "q.json")
+    assert fault.key == "spring.check.claims.0" and "it has not settled when the run ends" in fault.why
+    assert certify_exercise(pose({"xml": creep}, claims=[{**claim, "level": 0}], seconds=11), lambda _: "", "") == []
+
+
 @pytest.mark.parametrize(
     ("change", "why"),
     [

@@ -13,7 +13,15 @@ from grader.domain.lab import LabConfig, Readout
 from grader.domain.quantities import BASE_UNITS
 from grader.domain.verify import ByExpression, ByMeasurement
 from grader.errors import InvalidAnswer
-from grader.experiments.limits import UNCERTAINTY_SHARE, Measure, describe_noise, explain_change, find_limit
+from grader.experiments.limits import (
+    UNCERTAINTY_SHARE,
+    Measure,
+    describe_noise,
+    explain_change,
+    explain_unsettled,
+    find_limit,
+    lengthen,
+)
 from grader.experiments.quantities import WAVES, Floats, measure_waves
 from grader.experiments.quantities import measure as measure_quantity
 from grader.experiments.regime import Regime, RegimeFailure, describe_reset, explain_window
@@ -50,19 +58,26 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
     keys = {part: f"verify.{part}" for part in ("setup", "controller", "key")} | {"readouts": "verify.expr"}
     scale = find_scale(verify.when, key.unit)
 
-    def measure(variant: Variant) -> tuple[LabRun, float]:
+    def read(variant: Variant, seconds: float) -> tuple[LabRun, float]:
         variant = replace(variant, every_step=verify.when != "end" or verify.until is not None)
-        run = run_experiment(config, xml, seconds=verify.seconds, variant=variant, keys=keys)
+        run = run_experiment(config, xml, seconds=seconds, variant=variant, keys=keys)
         if run.warnings:
             raise RegimeFailure("no reset", describe_reset(run))
-        value = scale * measure_series(run, verify)
+        return run, scale * measure_series(run, verify)
+
+    def measure(variant: Variant) -> tuple[LabRun, float]:
+        run, value = read(variant, verify.seconds)
         if not isfinite(value):
             what = "finite value" if verify.when in ("end", "max", "min", "mean") else verify.when.replace("_", " ")
             raise RegimeFailure("finite", f"the run has no {what}: make it longer, or mend expr")
         return run, value
 
     try:
-        return (_certify_run if verify.timestep == "given" else _certify_motion)(key, verify, measure)
+        certificate = (_certify_run if verify.timestep == "given" else _certify_motion)(key, verify, measure)
+        if certificate.ok and verify.when == "settling" and verify.until is None:
+            longer = read(SAME, lengthen(verify.seconds))[1]
+            certificate = _doubt(certificate, "settled", explain_unsettled(measure(SAME)[1], longer, key.tolerance))
+        return certificate
     except RegimeFailure as error:
         at = "verify.expr" if error.condition == "finite" else "verify"
         return refuse("measurement", key.answer, str(error), key=at, failed=error.condition)
@@ -107,11 +122,14 @@ def _require_alike_waves(
         return certificate
     run, value = measure(Variant(finer=finer))
     waves = find_scale(verify.when, key.unit) * measure_waves(verify.when, *read_series(run), verify)
-    why = explain_change(verify.when, waves, value, key.tolerance)
+    return _doubt(certificate, "alike waves", explain_change(verify.when, waves, value, key.tolerance))
+
+
+def _doubt(certificate: Certificate, condition: str, why: str | None) -> Certificate:
+    """Withdraws a certificate where there is a reason, `why`, because of a condition that failed."""
     if why is None:
         return certificate
-    regime = {**certificate.regime, "failed": "alike waves"}
-    return replace(certificate, verdict="cannot tell", why=why, regime=regime)
+    return replace(certificate, verdict="cannot tell", why=why, regime={**certificate.regime, "failed": condition})
 
 
 def _remark_last_stage(
@@ -146,8 +164,7 @@ def _compare_with_page(
             f"the motion gives the key, {certificate.answer:.6g}, but the run at the own timestep, which a page shows, "
             f"{own:.6g}: shorten the model's timestep, or write timestep any, or given and the other key"
         )
-        failed = {**certificate.regime, "failed": "own timestep"}
-        return replace(certificate, verdict="cannot tell", why=why, regime=failed)
+        return _doubt(certificate, "own timestep", why)
     if not regime.level:
         return certificate
     remark = (

@@ -3,10 +3,12 @@ none. Three timesteps, one that is no simple fraction of them, and nudged starts
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
+from grader.domain.lab import SECONDS_MAX
 from grader.experiments.ladder import Ladder
 from grader.experiments.quantities import Floats
 from grader.experiments.regime import Regime, check_regime
@@ -17,6 +19,9 @@ UNCERTAINTY_SHARE = 0.2
 
 WHOLE = 1e-6
 """Distance from a whole number at which a run counts as that many steps: rounding of the sum of the timesteps."""
+
+LONGER = 1.5
+"""How many times as long a run is that shows whether something has settled: then it settles at the same time."""
 
 Measure = Callable[[Variant], tuple[LabRun, float]]
 """Returns a run and the number that was measured in it. Raises RegimeFailure."""
@@ -102,6 +107,23 @@ def explain_change(name: str, waves: Floats, value: float, allowed: float) -> st
         f"the {name.replace('_', ' ')} changes during the run: single waves have {waves.min():.6g} to "
         f"{waves.max():.6g}, all together {value:.6g}, and {allowed:.3g} is allowed: name a part of the run with since "
         "and until, give the level about which it swings, or allow more"
+    )
+
+
+def lengthen(seconds: float) -> float:
+    """Returns the length of a longer run [s], as far as labs may last."""
+    return min(LONGER * seconds, SECONDS_MAX)
+
+
+def explain_unsettled(settled: float, longer: float, allowed: float) -> str | None:
+    """Says that something which `settled` at a time of a run moves on after its end: in a longer run it settles at
+    `longer`, NaN where it does not. None where both agree within `allowed`."""
+    if abs(longer - settled) <= allowed:
+        return None
+    later = f"at {longer:.6g}" if isfinite(longer) else "at no time"
+    return (
+        f"it has not settled when the run ends: in a longer run it settles {later}, not at {settled:.6g}: "
+        "make the run longer, or give the level at which it comes to rest"
     )
 
 

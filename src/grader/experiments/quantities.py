@@ -36,7 +36,7 @@ def measure_waves(name: QuantityName, times: Floats, values: Floats, window: Win
     """Returns a quantity of each wave of a series by itself, which `measure` takes over all of them: periods and
     frequencies between two crossings, rates between two peaks. Empty for other quantities."""
     times, values = cut(times, values, window)
-    return np.diff([]) if name not in WAVES else WAVES[name](times, values, window)
+    return WAVES[name](times, values, window) if name in WAVES else np.empty(0)
 
 
 def cut(times: Floats, values: Floats, window: Window) -> tuple[Floats, Floats]:

@@ -11,7 +11,13 @@ from grader.domain.axes import Placed
 from grader.exercises.kind import DrawnCase, Intervals, JudgedTrial, Judgement, Kind, Results, Trial
 from grader.exercises.kinds.claims import driver
 from grader.exercises.kinds.claims.judge import Outcome, judge_claims
-from grader.exercises.kinds.claims.measuring import Bench, measure_claims, measure_own, rehearse_claims
+from grader.exercises.kinds.claims.measuring import (
+    Bench,
+    find_unsettled,
+    measure_claims,
+    measure_own,
+    rehearse_claims,
+)
 from grader.exercises.kinds.claims.mistakes import name_the_mistake
 from grader.exercises.kinds.claims.parameters import (
     ClaimsCase,
@@ -58,6 +64,8 @@ class Claims(Kind[ClaimsParameters, Problem, Outcome]):
         for measured in measure_claims(trial.problem):
             if measured.trouble is not None:
                 raise WrongParameter(*measured.trouble)
+        if unsettled := find_unsettled(trial.problem):
+            raise WrongParameter(*unsettled)
 
     def prepare(self, parameters: ClaimsParameters, trial: Trial[Problem]) -> None:
         """Measures every claim."""

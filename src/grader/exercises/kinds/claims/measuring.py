@@ -12,7 +12,14 @@ from grader.domain.lab import LabConfig, Readout, Slider
 from grader.errors import LabRefused
 from grader.exercises.kinds.claims.parameters import Claim, Experiment, Floats, Problem
 from grader.exercises.parameters import WrongParameter
-from grader.experiments.limits import UNCERTAINTY_SHARE, describe_noise, explain_change, find_limit
+from grader.experiments.limits import (
+    UNCERTAINTY_SHARE,
+    describe_noise,
+    explain_change,
+    explain_unsettled,
+    find_limit,
+    lengthen,
+)
 from grader.experiments.quantities import WAVES, measure, measure_waves, read_trace
 from grader.experiments.regime import RegimeFailure, describe_reset
 from grader.experiments.runs import NUDGED, SAME, LabRun, Variant, VerifyError, run_experiment, to_number
@@ -247,6 +254,22 @@ def explain_waves(bench: Bench, index: int, finer: Sequence[float], allowed: flo
     whys = (bench.explain_change(claim, experiment, times, allowed) for (experiment, _), times in runs)
     why = next(filter(None, whys), None)
     return None if why is None else (f"claims.{index}", why)
+
+
+def find_unsettled(problem: Problem) -> tuple[str, str] | None:
+    """Returns the key and the reason of a claim about a settling time that a longer run denies; None if there is none.
+    All claims can be measured. Raises RegimeFailure and LabRefused where the longer run fails."""
+    for index, (claim, measured) in enumerate(zip(problem.claims, measure_claims(problem), strict=True)):
+        if claim.quantity != "settling" or claim.until is not None:
+            continue
+        experiments = problem.list_experiments(claim)
+        allowed = claim.allow(measured.own)
+        for experiment, settled in zip(experiments, measured.own, strict=True):
+            run, series = read_series(replace(experiment, seconds=lengthen(experiment.seconds)), [claim.expr], SAME)
+            longer = read_value(claim, np.array(run.times), series[:, 0])
+            if why := explain_unsettled(float(settled), longer, allowed):
+                return f"claims.{index}", why
+    return None
 
 
 def place_error(index: int, error: Exception) -> tuple[str, str]:
