@@ -113,7 +113,7 @@ def judge(site: Site, submission_id: str, verdict: Verdict, cause: str) -> None:
         submission = session.get_one(Submission, submission_id)
         results.append_verdict(
             services.database,
-            services.content.of(submission.course).library,
+            services.content.get(submission.course).library,
             session,
             submission,
             verdict,

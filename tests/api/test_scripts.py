@@ -276,7 +276,7 @@ def test_the_database_is_where_the_settings_say(idle: Site) -> None:
 
 def test_a_grader_fault_has_0_points_of_the_questions_points(idle: Site) -> None:
     content = idle.app.state.services.content
-    library = content.of("default").library
+    library = content.get("default").library
     fault, digest = make_fault(content.archive), library.digest("1.3-exercises")
     submission = Submission(
         quiz="1.3-exercises", question="rk4-free-joint", answer='{"source": "x = 1"}', content_digest=digest
@@ -318,7 +318,7 @@ def test_an_installation_keeps_its_secret_and_two_installations_differ(
     first, again = open_site_with(content=ROOT), open_site_with(content=ROOT)
     other = open_site_with(content=ROOT, data=tmp_path / "elsewhere")
     seeds = [
-        site.app.state.services.content.of("default")
+        site.app.state.services.content.get("default")
         .pipeline.read("1.3-exercises", "rk4-step", {"source": "x = 1"})
         .seed
         for site in (first, again, other)

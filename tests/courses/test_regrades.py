@@ -111,7 +111,7 @@ class Course:
             if at is not None:
                 session.get_one(Submission, submission.id).created_at = at
                 session.flush()
-            counting.recount(session, pipeline.library, LearnerAt.of(submission))
+            counting.recount(session, pipeline.library, LearnerAt.from_submission(submission))
         return submission.id
 
     def queue(self, learner: str, answer: Any) -> str:

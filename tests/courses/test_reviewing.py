@@ -168,7 +168,7 @@ class Reviewing(RuleBasedStateMachine):
                          answer='"Because."', content_digest="d", attempt=len(self.answers) + 1)  # fmt: skip
         verdict = Verdict(status=Status.NEEDS_REVIEW, points=0, max_points=POINTS)
         with self.database.write() as session:
-            place = LearnerAt.of(row)
+            place = LearnerAt.from_submission(row)
             new = results.NewSubmission(self.desk.library, row, verdict, place)
             (stored,) = intake.read(session, [AnswerKeys(place)], now())
             results.store_new(session, [new], {place: stored.state}, now())

@@ -38,7 +38,7 @@ class Class:
 
     def answer(self, given: list[tuple[Identity, str, Any]]) -> None:
         """Hands in answers to (learner, question), all in one transaction."""
-        pipeline = self.contents.of(COURSE).pipeline
+        pipeline = self.contents.get(COURSE).pipeline
         waiting = []
         for who, question, answer in given:
             parsed = pipeline.read("small", question, answer)
@@ -56,7 +56,7 @@ class Class:
             theirs = select(Submission).where(Submission.learner == who.id, Submission.question == "q4")
             for submission in session.scalars(theirs).all():
                 results.append_verdict(
-                    self.database, self.contents.of(COURSE).library, session, submission, verdict,
+                    self.database, self.contents.get(COURSE).library, session, submission, verdict,
                     cause="review", reviewer="tina",
                 )  # fmt: skip
 

@@ -82,11 +82,11 @@ class Course(Class):
 
     def change_policy(self, policy: dict[str, Any]) -> None:
         set_policy(self.folder, policy)
-        self.contents.of(COURSE).reload()
+        self.contents.get(COURSE).reload()
 
     def set_rules(self, rules: dict[str, Any]) -> None:
         """Sets the policy of the quiz in this course, as an instructor."""
-        tina, library = Identity("t" * 32, "tina", Role.INSTRUCTOR, COURSE), self.contents.of(COURSE).library
+        tina, library = Identity("t" * 32, "tina", Role.INSTRUCTOR, COURSE), self.contents.get(COURSE).library
         change_policy(self.database, library, tina, library.quiz("small"), rules, is_current=lambda _: True)
 
     def publish(self) -> None:
@@ -97,7 +97,7 @@ class Course(Class):
     def extend(self, who: Identity, granted: Extension) -> None:
         with self.database.write() as session:
             learner = session.get_one(Member, who.id)
-            library = self.contents.of(COURSE).library
+            library = self.contents.get(COURSE).library
             grant(self.database, library, session, learner, "small", granted=granted, by=None)
 
     def enter(self, given: float, maximum: float = 4.0) -> None:
@@ -822,10 +822,10 @@ def test_scores_are_compared_as_a_platform_has_scaled_them() -> None:
     assert not score.is_at(PlatformResult(8.9, 100.0))
     assert Score.from_json(score.to_json()) == score
     listed = [{"userId": "bob", "resultScore": 1}, {"userId": "ann", "resultScore": 3, "resultMaximum": 4}]
-    assert PlatformResult.of(listed, "ann") == PlatformResult(3.0, 4.0)
+    assert PlatformResult.parse(listed, "ann") == PlatformResult(3.0, 4.0)
     useless: list[Any] = [[], {}, None, "x", [1], [{"userId": "ann", "resultScore": True}], [{"userId": "ann"}]]
     for nothing in useless:
-        assert PlatformResult.of(nothing, "ann").score is None
+        assert PlatformResult.parse(nothing, "ann").score is None
 
 
 @pytest.mark.parametrize(

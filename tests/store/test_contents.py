@@ -141,7 +141,7 @@ def test_a_course_with_a_folder_of_its_own_has_its_quizzes_alone(database: Datab
         """What an answer of 5 is worth, by what servers and by what workers see."""
         with database.read() as session:
             library = archive.current_library(session, course, "one")
-        return [both.of(course).pipeline.grade("one", "q1", 5).points, Pipeline(library).grade("one", "q1", 5).points]
+        return [both.get(course).pipeline.grade("one", "q1", 5).points, Pipeline(library).grade("one", "q1", 5).points]
 
     assert keys("mechanics") == [0, 0]
     assert keys("other") == [1, 1]

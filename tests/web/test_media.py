@@ -105,7 +105,7 @@ def test_a_picture_that_was_replaced_is_still_there_and_a_new_one_is_seen_by_ins
     new = addresses(content)["arm.png"]
     assert new in teacher.get("/instructor/draft/1-check/q1").text
     assert [one.get(new).status_code for one in (teacher, student)] == [200, 404]
-    site.app.state.services.content.of("main").reload()
+    site.app.state.services.content.get("main").reload()
     assert [student.get(address).status_code for address in (new, old)] == [200, 200]
 
 

@@ -302,7 +302,7 @@ def test_the_script_is_small_and_loaded_only_where_something_is_dragged(page: Pa
 
 def answers_of(site: Site) -> dict[str, Any]:
     """Right answers by question, as the API takes them."""
-    quiz = site.app.state.services.content.of(site.course or "default").library.quiz("parts")
+    quiz = site.app.state.services.content.get(site.course or "default").library.quiz("parts")
     views = {question.id: question_view(question) for question in quiz.questions}
     stage = {item["text"][len("<code>") :].split("</code>")[0]: item["id"] for item in views["stages"]["items"]}
     unit = {right["text"]: right["id"] for right in views["units"]["right"]}

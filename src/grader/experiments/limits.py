@@ -99,7 +99,7 @@ def describe_odd_length(run: LabRun) -> str | None:
 
 
 def explain_change(name: str, waves: Floats, value: float, allowed: float) -> str | None:
-    """Says that a quantity is another one in each wave, and what to ask for instead: whoever measures one wave gets
+    """Says that a quantity differs from wave to wave, and what to ask for instead. A learner who measures one wave gets
     another number than `value`, that of all waves. None where every wave has it within `allowed`."""
     if not len(waves) or np.abs(waves - value).max() <= allowed:
         return None

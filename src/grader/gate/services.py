@@ -59,17 +59,17 @@ class Services:
 
     def desk_of(self, course: str) -> Desk:
         """Returns what reviewing in a course works with, on its content as it is now."""
-        return Desk(self.database, self.content.of(course).library, self.blinding)
+        return Desk(self.database, self.content.get(course).library, self.blinding)
 
     def get_pipeline(self, who: Identity) -> Pipeline:
         """Returns the pipeline that reads and grades the answers of a user's course."""
-        return self.content.of(who.course).pipeline
+        return self.content.get(who.course).pipeline
 
     def reload_content(self, who: Identity, revision: str | None = None) -> Library:
         """Loads the content folder of an instructor's course again, and records it. Raises ContentError with every
         fault, and Outdated where a `revision` is given and the folder has another one; what was loaded before then
         stays."""
-        content = self.content.of(who.course)
+        content = self.content.get(who.course)
         content.reload(revision)
         digests = {quiz_id: content.library.digest(quiz_id) for quiz_id in content.library.quizzes}
         with self.database.write() as session:
@@ -79,7 +79,7 @@ class Services:
     def library_for(self, who: Identity | None) -> Library:
         """Returns the current content of a user's course, with a learner's own numbers; of the default course for a
         browser without a session."""
-        pipeline = self.content.of(DEFAULT_COURSE if who is None else who.course).pipeline
+        pipeline = self.content.get(DEFAULT_COURSE if who is None else who.course).pipeline
         return pipeline.poser.library_of("" if who is None else who.drawn_for)
 
     def require_opened(self, library: Library, who: Identity, quiz: str) -> Policy:

@@ -214,7 +214,7 @@ class Contents:
         """Calls `listener` whenever a folder was loaded again."""
         self._listeners.append(listener)
 
-    def of(self, course: str) -> Content:
+    def get(self, course: str) -> Content:
         """Returns the content of a course."""
         return self._all.get(course, self._every)
 

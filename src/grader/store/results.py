@@ -50,7 +50,7 @@ class LearnerAt(NamedTuple):
     question: str
 
     @classmethod
-    def of(cls, submission: Submission) -> Self:
+    def from_submission(cls, submission: Submission) -> Self:
         """The key of the result that a submission counts for."""
         return cls(submission.course, submission.learner, submission.quiz, submission.question)
 

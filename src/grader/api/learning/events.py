@@ -109,7 +109,7 @@ def read_events(listener: Listener, last: int) -> tuple[list[ServerSentEvent], b
 
 def read_access_to(session: Session, services: Services, who: Identity, submission: Submission) -> LearnerAccess:
     """The access of a user at the question of a submission."""
-    library = services.content.of(who.course).library
+    library = services.content.get(who.course).library
     return read_access(session, library, who, (submission.quiz, submission.question))
 
 

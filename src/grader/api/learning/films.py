@@ -54,7 +54,7 @@ def prepare(
         submission = find_visible(session, submission_id, who)
         verdict = read_seen(session, services, who, [submission]).verdicts.get(submission.id)
         at = submission.quiz, submission.question
-        decision = read_access(session, services.content.of(who.course).library, who, at).decide(*at)
+        decision = read_access(session, services.content.get(who.course).library, who, at).decide(*at)
     shown = redact_json(verdict, decision) or {}
     judged = {name: shown.get(name) for name in ("evidence", "findings", "content_digest")}
     settings = json.dumps(["films", submission.id, submission.seed, timestep_ms, judged], sort_keys=True)

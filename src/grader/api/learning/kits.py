@@ -27,7 +27,7 @@ def download_kit(quiz_id: str, question_id: str, who: Anybody, services: AppServ
     Nothing hidden is in it. The same content gives the same bytes at the same address. Before the quiz opens the
     answer is 409.
     """
-    library = services.content.of(who.course).library
+    library = services.content.get(who.course).library
     policy = services.require_opened(library, who, quiz_id)
     kit = build_kit(
         library, quiz_id, question_id, judged=policy.shows_feedback_at_once, origin=services.origin_of(request)

@@ -101,7 +101,7 @@ def prepare(services: Services, who: Identity, body: LabBody) -> tuple[str, Call
     lab = find_lab(library, body)
     if body.question is not None:
         refuse_before_answer(services, who, body.quiz, body.question)
-    posed = lab.model_dump_json() if library is not services.content.of(who.course).library else ""
+    posed = lab.model_dump_json() if library is not services.content.get(who.course).library else ""
     settings = json.dumps([library.digest(body.quiz), posed, body.model_dump()], sort_keys=True)
     digest = hashlib.sha256(settings.encode(errors="surrogatepass")).hexdigest()
     return digest, partial(record, library, lab, body)
@@ -125,7 +125,7 @@ def find_lab(library: Library, body: LabBody) -> Lab | LabConfig:
 def refuse_before_answer(services: Services, who: Identity, quiz: str, question: str) -> None:
     """Raises Conflict if the lab of a predict question would tell a learner too much now. Instructors may run it."""
     with services.database.read() as session:
-        access = read_access(session, services.content.of(who.course).library, who, (quiz, question))
+        access = read_access(session, services.content.get(who.course).library, who, (quiz, question))
     if (why_not := access.decide(quiz, question).why_no_lab) is not None:
         raise Conflict(why_not)
 

@@ -19,7 +19,7 @@ router = api_router("quizzes")
 @router.get("/quizzes", response_model=Page[QuizSummary], responses=refusals(401, 429))
 def list_quizzes(who: Anybody, services: AppServices) -> dict[str, Any]:
     """Lists every quiz: its id, title, number of questions and points, and when it may be answered."""
-    library = services.content.of(who.course).library
+    library = services.content.get(who.course).library
     with services.database.read() as session:
         policies = read_policies(session, library, who.course, library.quizzes)
     return {

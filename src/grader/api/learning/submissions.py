@@ -142,7 +142,7 @@ def read_answer(
 ) -> NewAnswer:
     """Reads an answer, and grades it where that is instant. Raises NotFound, TooLarge, Unprocessable; and Conflict for
     one that `is_short` and yet may take simulations."""
-    pipeline = services.content.of(who.course).pipeline
+    pipeline = services.content.get(who.course).pipeline
     is_drawn = (body.quiz, body.question) in pipeline.drawn
     if is_drawn and is_short:
         raise Conflict("The key of this question is simulated: its answers take the long way.")
@@ -166,7 +166,7 @@ def list_submissions(query: PageParams, who: Learner, services: AppServices, res
     wanted = SubmissionFilter(who.course, query.user, query.quiz, query.question, learner)
     with services.database.read() as session:
         rows = submissions.page(session, wanted, query.start, query.limit + 1)
-        access = read_access(session, services.content.of(who.course).library, who)
+        access = read_access(session, services.content.get(who.course).library, who)
         shown = read_seen(session, services, who, rows)
     names = shown.names
     if names and (query.user or wanted.learner):  # who asks for a learner by name knows whose it is
@@ -194,7 +194,7 @@ def show_submission(submission_id: str, who: Learner, services: AppServices, res
 )
 def stop_submission(submission_id: str, who: Learner, services: AppServices, response: Response) -> dict[str, Any]:
     """Stops one's own script, which uses no attempt before its hidden cases have begun. 409 once it has its verdict."""
-    stop(services.database, services.content.of(who.course).library, who, submission_id)
+    stop(services.database, services.content.get(who.course).library, who, submission_id)
     with services.database.read() as session:
         return build_document(session, services, who, find_visible(session, submission_id, who), response)
 
@@ -205,7 +205,7 @@ def build_document(
     """One submission as the user may see it now; sets the ETag of the response."""
     blind = read_seen(session, services, who, [submission])
     at = submission.quiz, submission.question
-    decision = read_access(session, services.content.of(who.course).library, who, at).decide(*at)
+    decision = read_access(session, services.content.get(who.course).library, who, at).decide(*at)
     shown = describe_for(decision, submission, blind.verdicts.get(submission.id), blind.names.get(submission.id))
     if submission.learner == who.id and shown["verdict"] is not None and submission.attempt > 1:
         shown["progress"] = compare_attempts(session, decision, submission, shown["verdict"]) or None
@@ -227,7 +227,7 @@ def compare_attempts(session: Session, decision: Decision, submission: Submissio
 @router.post("/answers:validate", responses=refusals(401, 403, 404, 409, 413, 422, 429))
 def validate_answer(body: AnswerBody, who: Learner, services: AppServices) -> Interpretation:
     """Tells how an answer would be read, without grading it or using an attempt. 409 before the quiz opens."""
-    pipeline = services.content.of(who.course).pipeline
+    pipeline = services.content.get(who.course).pipeline
     services.require_opened(pipeline.library, who, body.quiz)
     try:
         read_as = pipeline.describe(pipeline.read(body.quiz, body.question, body.answer, learner=who.drawn_for))

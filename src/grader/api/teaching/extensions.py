@@ -41,7 +41,7 @@ class ExtensionBody(Extension):
 )
 def list_extensions(quiz_id: str, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Lists the extensions in a quiz, in the order of the learners' names."""
-    services.content.of(who.course).library.quiz(quiz_id)
+    services.content.get(who.course).library.quiz(quiz_id)
     with services.database.read() as session:
         items = [describe_extension(row, name) for row, name in extensions.list_of_quiz(session, who.course, quiz_id)]
     return {"items": items, "next_cursor": None}
@@ -53,7 +53,7 @@ def list_extensions(quiz_id: str, who: Instructor, services: AppServices) -> dic
 def put_extension(quiz_id: str, body: ExtensionBody, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Gives one learner later dates, and further attempts at every question; replaces an earlier extension."""
     granted = Extension(due=body.due, until=body.until, attempts=body.attempts)
-    library = services.content.of(who.course).library
+    library = services.content.get(who.course).library
     with services.database.write() as session:
         learner = find_learner(session, body, who)
         results.grant(services.database, library, session, learner, quiz_id, granted=granted, by=who)
@@ -75,7 +75,7 @@ def find_learner(session: Session, body: ExtensionBody, who: Identity) -> Member
 @router.put("/quizzes/{quiz_id}/publication", status_code=204, responses=refusals(401, 403, 404, 422, 429))
 def publish_feedback(quiz_id: str, who: Instructor, services: AppServices) -> Response:
     """Publishes the feedback of a quiz with `"feedback": "after_publish"`: learners see how they were graded."""
-    services.content.of(who.course).library.quiz(quiz_id)
+    services.content.get(who.course).library.quiz(quiz_id)
     with services.database.write() as session:
         publication.publish(services.database, session, who, quiz_id)
     return Response(status_code=204)
@@ -84,7 +84,7 @@ def publish_feedback(quiz_id: str, who: Instructor, services: AppServices) -> Re
 @router.delete("/quizzes/{quiz_id}/publication", status_code=204, responses=refusals(401, 403, 404, 422, 429))
 def withhold_feedback(quiz_id: str, who: Instructor, services: AppServices) -> Response:
     """Withholds the feedback of a quiz again."""
-    services.content.of(who.course).library.quiz(quiz_id)
+    services.content.get(who.course).library.quiz(quiz_id)
     with services.database.write() as session:
         publication.withdraw(session, who, quiz_id)
     return Response(status_code=204)
@@ -93,7 +93,7 @@ def withhold_feedback(quiz_id: str, who: Instructor, services: AppServices) -> R
 @router.post("/quizzes/{quiz_id}/results:recount", responses=refusals(401, 403, 404, 422, 429))
 def recount_results(quiz_id: str, who: Instructor, services: AppServices) -> dict[str, int]:
     """Counts every result of a quiz again, after its policy has changed; the feed gets those that change."""
-    library = services.content.of(who.course).library
+    library = services.content.get(who.course).library
     library.quiz(quiz_id)
     return {"recounted": results.recount_quiz(services.database, library, who.course, quiz_id)}
 

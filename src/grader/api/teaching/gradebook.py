@@ -57,7 +57,7 @@ def export_gradebook(
     An instructor who must not see a first mark yet gets an empty cell in its place. With `by=quiz` a column has the sum
     of a quiz.
     """
-    library = services.content.of(who.course).library
+    library = services.content.get(who.course).library
     quizzes = list(library.quizzes.values()) if quiz is None else [library.quiz(quiz)]
     columns = list_columns(quizzes) if by is Unit.QUESTION else quiz_columns(quizzes)
     ids = [quiz.id for quiz in quizzes]

@@ -64,7 +64,7 @@ def delete_line_comment(submission_id: str, line_comment_id: str, who: Instructo
 def is_released(session: Session, services: Services, who: Identity, submission: Submission) -> bool:
     """Whether the learner may see the feedback on the submission by now."""
     at = submission.quiz, submission.question
-    return read_access(session, services.content.of(who.course).library, who, at).decide(*at).withheld is None
+    return read_access(session, services.content.get(who.course).library, who, at).decide(*at).withheld is None
 
 
 def describe_comment(comment: LineComment) -> dict[str, Any]:

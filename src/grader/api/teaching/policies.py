@@ -44,7 +44,7 @@ class PolicyBody(RequestBody):
 @router.get("/quizzes/{quiz_id}/policy", response_model=CoursePolicyView, responses=refusals(401, 403, 404, 422, 429))
 def show_policy(quiz_id: str, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Shows the dates and rules of a quiz in the caller's course, and which of them the course has set."""
-    quiz = services.content.of(who.course).library.quiz(quiz_id)
+    quiz = services.content.get(who.course).library.quiz(quiz_id)
     with services.database.read() as session:
         return describe_policy(read_course_policy(session, quiz, who.course), response)
 
@@ -63,7 +63,7 @@ def put_policy(
     It replaces all that the course had set; `{}` goes back to the content's values. `If-Match` is the ETag of what you
     saw, or `*`.
     """
-    library = services.content.of(who.course).library
+    library = services.content.get(who.course).library
     quiz = library.quiz(quiz_id)
     if if_match is None:
         raise Unconditional("Name the ETag of the policy in If-Match.")

@@ -86,7 +86,7 @@ class DifferenceQuery(CursorQuery):
 )
 def create_regrade(body: RegradeBody, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
     """Queues a regrade by the content that is loaded now. 409 while another one changes the same quiz."""
-    regrade = regrades.create(services.database, services.content.of(who.course).library, who, body.wanted)
+    regrade = regrades.create(services.database, services.content.get(who.course).library, who, body.wanted)
     response.headers["Location"] = f"{PREFIX}/regrades/{regrade.id}"
     with services.database.read() as session:
         return describe_regrade(regrade, stored.count_by_outcome(session, regrade))

@@ -46,7 +46,7 @@ def list_comments(quiz: Name, question: Name, who: Instructor, services: AppServ
 @router.post("/reviews/comments", status_code=201, responses=refusals(401, 403, 404, 409, 413, 422, 429))
 def save_comment(body: CommentBody, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Saves a comment for all instructors of the course; at most 200 for a question."""
-    services.content.of(who.course).library.question(body.quiz, body.question)
+    services.content.get(who.course).library.question(body.quiz, body.question)
     with services.database.write() as session:
         comment = comments.save(services.database, session, who, (body.quiz, body.question), body.text)
     return describe_comment(comment)

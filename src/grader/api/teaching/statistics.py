@@ -22,7 +22,7 @@ router = api_router("results")
 )
 def show_statistics(quiz_id: str, who: Instructor, services: AppServices, known: IfNoneMatch = "") -> Response:
     """Tells how hard each question is, how well it discriminates, and what goes wrong, with numbers of learners."""
-    version = services.statistics.version(services.content.of(who.course).library, quiz_id, who)
+    version = services.statistics.version(services.content.get(who.course).library, quiz_id, who)
     etag = compute_etag(version.parts)
     if is_unchanged(known, etag):
         return Response(status_code=304, headers={"ETag": etag})

@@ -33,7 +33,7 @@ def append_verdict(
     database.lock_learner(session, submission.course, submission.learner)
     submissions.append_verdict(session, submission, verdict, cause, reviewer)
     session.flush()
-    place = LearnerAt.of(submission)
+    place = LearnerAt.from_submission(submission)
     is_revised = recount(session, library, place, NewSubmission(library, submission, verdict, place))
     if cause == "review" and not is_revised:
         outbox.note(session, [place], kind=SCORES)

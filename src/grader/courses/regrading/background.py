@@ -218,7 +218,7 @@ class _Storing:
         item.old_status, item.old_points = done.work.verdict["status"], done.work.verdict["points"]
         if done.verdict is not None:
             item.new_status, item.new_points = done.verdict.status.value, done.verdict.points
-        key = LearnerAt.of(submission)
+        key = LearnerAt.from_submission(submission)
         self.task.database.lock_learner(self.session, key.course, key.learner)
         item.counted_before = get_points(find_result(self.session, key))
         if self.regrade.dry_run:

@@ -77,7 +77,7 @@ class PlatformResult:
     maximum: float | None = None
 
     @classmethod
-    def of(cls, listed: Any, user: str) -> Self:
+    def parse(cls, listed: Any, user: str) -> Self:
         """Returns the result of a user in the answer of the result service; without a score if there is none."""
         for item in listed if isinstance(listed, list) else ():
             if isinstance(item, dict) and str(item.get("userId")) == user:

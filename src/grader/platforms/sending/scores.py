@@ -162,7 +162,7 @@ class Scores:
             raise DeliveryFailure(self._gone(target, response))
         if response.status != HTTPStatus.OK:
             raise CallFailed(response)
-        return PlatformResult.of(response.json() if response.body else [], target.lti_user_id)
+        return PlatformResult.parse(response.json() if response.body else [], target.lti_user_id)
 
     async def _post(self, prepared: PreparedScore, url: str) -> Reply:
         target, score = prepared.target, prepared.score

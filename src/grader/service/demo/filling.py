@@ -80,7 +80,7 @@ def fill_demo(
     try:
         refuse_other_data(database, course, beside=beside)
         passed = PassedChecks(settings.cache)
-        pipeline = Contents(settings.content, settings.courses, database, passed).of(course).pipeline
+        pipeline = Contents(settings.content, settings.courses, database, passed).get(course).pipeline
         library = pipeline.library
         cast = draw_learners(rng, learners)
         planned = plan_answers(rng, library, cast, build_pools(library), now)

@@ -59,7 +59,7 @@ class RunStart:
     ctrl: Values | None = None
     perturb: float = 0.0
 
-    def of(self, scene: Scene) -> Scene:
+    def apply_to(self, scene: Scene) -> Scene:
         """The scene at this start. Raises Unprocessable for an unknown keyframe, or a part of the wrong length."""
         key = 0 if self.key is None and scene.model.nkey else self.key
         try:
@@ -174,7 +174,7 @@ def build_scene(model: str | Path, start: RunStart) -> Scene:
     text = isinstance(model, str) and "<mujoco" in model
     if not text and not Path(model).is_file():
         raise ValueError(f"there is no model {model}")
-    return start.of(Scene.from_model(compile_untextured(model if text else Path(model))))
+    return start.apply_to(Scene.from_model(compile_untextured(model if text else Path(model))))
 
 
 def compile_quantity(expression: str, scene: Scene) -> Quantity:

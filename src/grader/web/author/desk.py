@@ -53,7 +53,7 @@ class Tag:
     after: int
 
     @classmethod
-    def of(cls, text: str, start: int, end: int) -> Self:
+    def compute(cls, text: str, start: int, end: int) -> Self:
         """Returns the tag of a part of a text."""
         return cls(hash_text(text), start, len(text) - end)
 
@@ -139,8 +139,8 @@ class AuthorDesk:
         try:
             start, end = find_question(text, question, file)
         except NotFound:
-            return text, str(Tag.of(text, 0, len(text))), True
-        return text[start:end], str(Tag.of(text, start, end)), False
+            return text, str(Tag.compute(text, 0, len(text))), True
+        return text[start:end], str(Tag.compute(text, start, end)), False
 
     def save_source(self, quiz: str, question: str, source: str, tag: str) -> SavedQuestion:
         """Writes a source in place of what `read_source` gave with this tag, a question or the whole file. Raises
@@ -160,7 +160,7 @@ class AuthorDesk:
                 raise Outdated(CHANGED)
             Path(new.name).replace(place)
         now = find_id(saved, shown.before, file) if shown.is_part else None
-        return SavedQuestion(now or question, str(Tag.of(saved, shown.before, len(saved) - shown.after)))
+        return SavedQuestion(now or question, str(Tag.compute(saved, shown.before, len(saved) - shown.after)))
 
     def add_question(self, quiz: str, kind: str) -> str:
         """Adds an example of a kind of question, or `exercise:` and a kind of exercise, at the end of a quiz. Returns

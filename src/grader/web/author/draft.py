@@ -58,7 +58,7 @@ def show_question(
 ) -> Response:  # fmt: skip
     """A question of the folder in a state, as a student of the course will see it, with its certificate or a proposal.
     Raises NotFound, Unauthorized, Forbidden."""
-    library = services.content.of(who.course).read_draft().library
+    library = services.content.get(who.course).read_draft().library
     if library is None:
         raise NotFound("The folder has faults: mend them, and its questions can be seen.")
     quiz, question = library.find(quiz_id, question_id)
@@ -78,7 +78,7 @@ def show_question(
 
 def render(request: Request, services: AppServices, who: Instructor, trouble: str = "", status: int = 200) -> Response:
     """Renders the page of the draft."""
-    content = services.content.of(who.course)
+    content = services.content.get(who.course)
     draft, now = content.read_draft(), content.library
     changes = list_changes(now, draft.library) if draft.library is not None else []
     answered = count_answered(services, who.course, changes)

@@ -62,7 +62,7 @@ def list_rows(keyed: _Keyed, with_luck: bool) -> Iterator[dict[str, Any]]:
 def list_luck_cells(keyed: _Keyed, question: Question, with_luck: bool) -> dict[str, Any]:
     """Returns the chance of luck at an exercise as cells of the table, or why its kind cannot tell it."""
     try:
-        return word_luck(lucks.of(keyed, question, compute=with_luck))
+        return word_luck(lucks.find(keyed, question, compute=with_luck))
     except (GraderError, ValueError) as error:
         log.exception("no chance of luck", quiz=keyed.quiz, question=question.id)
         return {"state": "cannot be computed", "tone": "no", "why": f"{error}.", "facts": [], "remarks": (FAILED,)}
@@ -75,7 +75,7 @@ class Lucks:
         self._known: dict[tuple[str, str], Luck] = {}
         self._computing = Lock()
 
-    def of(self, keyed: _Keyed, question: Question, *, compute: bool) -> Luck | None:
+    def find(self, keyed: _Keyed, question: Question, *, compute: bool) -> Luck | None:
         """Returns the chance at an exercise; None if it is not known and not to be computed."""
         at = (keyed.digest, question.id)
         if at in self._known or not compute:

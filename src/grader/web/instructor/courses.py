@@ -38,7 +38,7 @@ def render(request: Request, services: Services, who: Identity, status: int = 20
         return {"taught": courses.list_taught(session, who), "unused": courses.list_unused(session, folders)}
 
     lists = services.sessions.reading(listed)
-    quizzes = {taught.course: len(services.content.of(taught.course).library.quizzes) for taught in lists["taught"]}
+    quizzes = {taught.course: len(services.content.get(taught.course).library.quizzes) for taught in lists["taught"]}
     context = {"administers": who.course == DEFAULT_COURSE, "folders": folders, "quizzes": quizzes, "typed": ""}
     return page(request, "courses.html", status, PRIVATE, who=who, **{**context, **lists, **more})
 

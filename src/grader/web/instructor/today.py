@@ -84,7 +84,7 @@ def home(request: Request, services: AppServices, who: Visitor) -> Response:
         state = describe_course(session, library, who.course)
         shared = find_shared_mistakes(session, who.course)
     tasks = [*list_tasks(library, today), *list_stuck(library, stuck, marks), *list_platform_tasks(requests)]
-    refused = services.content.of(who.course).refused
+    refused = services.content.get(who.course).refused
     shown: dict[str, Any] = {"today": today, "alive": alive, "scripts": scripts, "faults": library.warnings}
     return page(
         request, "today.html", who=who, tasks=tasks, refused=refused, shared=list_shared(library, shared),
@@ -245,7 +245,7 @@ def content(
     (`quiz/question,...`) whose verdicts are of before."""
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
-    library, refused = services.library_for(who), services.content.of(who.course).refused
+    library, refused = services.library_for(who), services.content.get(who.course).refused
     quizzes = [describe_quiz(library, quiz) | {"digest": library.digest(quiz.id)} for quiz in library.quizzes.values()]
     titles, chosen = list_titles(library), regrade.split(",")
     to_regrade = [(f"{at[0]}/{at[1]}", title) for at, title in titles.items() if f"{at[0]}/{at[1]}" in chosen]

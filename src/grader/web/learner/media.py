@@ -32,7 +32,7 @@ def show_media(sha256: Digest, name: str, services: AppServices, who: Visitor) -
     if who is None and not services.sessions.anonymous:
         raise Unauthorized(SIGN_IN)
     reader = find_reader(who)
-    file = services.content.of(reader.course).find_media(sha256, name, with_draft=reader.is_instructor)
+    file = services.content.get(reader.course).find_media(sha256, name, with_draft=reader.is_instructor)
     if file is None:
         raise NotFound("There is no such picture or file.")
     return send_media(file)

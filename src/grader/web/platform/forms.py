@@ -99,7 +99,7 @@ def choose(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs)
         body = take_ticket(session, CHOICE, pairs)
         platform = get_platform(session, body["platform"])
     selection = ContentSelection(**body["selection"])
-    library = services.content.of(body["course"]).library
+    library = services.content.get(body["course"]).library
     with services.database.read() as session:
         policies = read_policies(session, library, body["course"], library.quizzes)
     choices = [parse_choice(library, policies, value) for name, value in pairs if name == "item"]

@@ -129,7 +129,7 @@ def settle(request: Request, services: Services, launch: Launch, *, in_tab: bool
         if not launch.teaches or launch.subject is None:
             raise Forbidden(UNLINKED)
         return show_course_form(request, services, launch, arrival.context)
-    library = services.content.of(arrival.member.course).library
+    library = services.content.get(arrival.member.course).library
     if launch.selection is not None:
         return show_choices(request, services, library, launch, arrival)
     address = make_address(library, arrival)
