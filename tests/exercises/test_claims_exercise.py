@@ -243,6 +243,13 @@ def test_a_settling_time_that_a_longer_run_denies_is_a_fault() -> None:
     assert certify_exercise(pose({"xml": creep}, claims=[{**claim, "level": 0}], seconds=11), lambda _: "", "") == []
 
 
+def test_a_longer_run_that_breaks_is_a_fault_of_the_claim() -> None:
+    claim = {"name": "rest", "quantity": "settling", "expr": "data.qpos[0]", "unit": "s", "band": 0.05, "level": 0,
+             "controller": "data.qfrc_applied[0] = data.time > 7 ? 1e30 : 0"}  # fmt: skip
+    (fault,) = certify_exercise(pose(claims=[claim]), lambda _: "", "q.json")
+    assert fault.key == "spring.check.claims.0" and "reset" in fault.why
+
+
 @pytest.mark.parametrize(
     ("change", "why"),
     [

@@ -33,10 +33,9 @@ def measure(name: QuantityName, times: Floats, values: Floats, window: Window = 
 
 
 def measure_waves(name: QuantityName, times: Floats, values: Floats, window: Window = EVERYTHING) -> Floats:
-    """Returns a quantity of each wave of a series by itself, which `measure` takes over all of them: periods and
-    frequencies between two crossings, rates between two peaks. Empty for other quantities."""
-    times, values = cut(times, values, window)
-    return WAVES[name](times, values, window) if name in WAVES else np.empty(0)
+    """Returns a quantity of WAVES of each wave of a series by itself, which `measure` takes over all of them: periods
+    and frequencies between two crossings, rates between two peaks."""
+    return WAVES[name](*cut(times, values, window), window)
 
 
 def cut(times: Floats, values: Floats, window: Window) -> tuple[Floats, Floats]:

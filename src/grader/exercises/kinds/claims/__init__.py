@@ -13,7 +13,7 @@ from grader.exercises.kinds.claims import driver
 from grader.exercises.kinds.claims.judge import Outcome, judge_claims
 from grader.exercises.kinds.claims.measuring import (
     Bench,
-    find_unsettled,
+    find_ambiguity,
     measure_claims,
     measure_own,
     rehearse_claims,
@@ -61,11 +61,9 @@ class Claims(Kind[ClaimsParameters, Problem, Outcome]):
                 raise WrongParameter(f"claims.{index}.unit", why)
             if why := explain_window(claim.until, claim.seconds or trial.problem.seconds):
                 raise WrongParameter(f"claims.{index}.until", why)
-        for measured in measure_claims(trial.problem):
-            if measured.trouble is not None:
-                raise WrongParameter(*measured.trouble)
-        if unsettled := find_unsettled(trial.problem):
-            raise WrongParameter(*unsettled)
+        for index, measured in enumerate(measure_claims(trial.problem)):
+            if trouble := measured.trouble or find_ambiguity(trial.problem, index, measured):
+                raise WrongParameter(*trouble)
 
     def prepare(self, parameters: ClaimsParameters, trial: Trial[Problem]) -> None:
         """Measures every claim."""

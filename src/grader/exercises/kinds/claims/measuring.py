@@ -39,12 +39,14 @@ Reader = Callable[[Variant], tuple[LabRun, Floats]]
 @dataclass(frozen=True, eq=False)
 class MeasuredClaim:
     """What a claim should be, in its unit: `values`, one for each x of a curve, with the largest uncertainty, and `own`
-    at the model's own timestep. `trouble` is the key and the reason why it cannot be decided; empty where it can."""
+    at the model's own timestep. `trouble` is the key and the reason why it cannot be decided; empty where it can.
+    `finest` is the own timestep over the shortest one, for each x."""
 
     values: Floats
     uncertainty: float
     own: Floats
     trouble: tuple[str, str] | None = None
+    finest: tuple[float, ...] = ()
 
 
 def read_series(experiment: Experiment, exprs: Sequence[str], variant: Variant) -> tuple[LabRun, Floats]:
@@ -103,31 +105,20 @@ class Bench:
         self, claim: Claim, experiment: Experiment, variant: Variant, at_s: float = 0.0
     ) -> tuple[LabRun, float]:
         """Returns a run, and the claim's number in it. Raises RegimeFailure where it has none."""
-        run, series = self.read_claim(claim, experiment, variant)
-        value = read_value(claim, np.array(run.times), series, at_s)
+        try:
+            run, series = self.read(experiment, variant)
+            column = series[:, self._exprs[experiment].index(claim.expr)]
+        except VerifyError as error:
+            if error.key != "expr":
+                raise
+            run, series = read_series(experiment, [claim.expr], variant)  # whose expression it is
+            column = series[:, 0]
+        value = read_value(claim, np.array(run.times), column, at_s)
         if not np.isfinite(value):
             raise RegimeFailure(
                 "finite", f"the run has no {claim.quantity.replace('_', ' ')}: make it longer, or mend expr"
             )
         return run, value
-
-    def read_claim(self, claim: Claim, experiment: Experiment, variant: Variant) -> tuple[LabRun, Floats]:
-        """Returns a run, and what the claim's expression gave in it: (frames,)."""
-        try:
-            run, series = self.read(experiment, variant)
-            return run, series[:, self._exprs[experiment].index(claim.expr)]
-        except VerifyError as error:
-            if error.key != "expr":
-                raise
-            run, series = read_series(experiment, [claim.expr], variant)  # whose expression it is
-            return run, series[:, 0]
-
-    def explain_change(self, claim: Claim, experiment: Experiment, finer: float, allowed: float) -> str | None:
-        """Says that a period, a frequency or a rate is another one in each wave of a run; None where it is not."""
-        variant = Variant(finer=finer)
-        run, series = self.read_claim(claim, experiment, variant)
-        waves = claim.scale * measure_waves(claim.quantity, np.array(run.times), series, claim)
-        return explain_change(claim.quantity, waves, self.measure(claim, experiment, variant)[1], allowed)
 
 
 def read_value(claim: Claim, times: Floats, values: Floats, at_s: float = 0.0) -> float:
@@ -220,10 +211,7 @@ def measure_claim(bench: Bench, index: int) -> MeasuredClaim:
             "model's timestep, raise rtol or tol, or write timestep any, or given for a claim about the discretisation"
         )
         trouble = f"claims.{index}.timestep", why
-    if trouble is None:
-        finest = [limit.ladder.finest for limit in limits]
-        trouble = explain_waves(bench, index, finest, allowed)
-    return MeasuredClaim(values, worst.uncertainty, own, trouble)
+    return MeasuredClaim(values, worst.uncertainty, own, trouble, tuple(limit.ladder.finest for limit in limits))
 
 
 def measure_given(bench: Bench, index: int, own: Floats, allowed: float) -> MeasuredClaim:
@@ -233,7 +221,7 @@ def measure_given(bench: Bench, index: int, own: Floats, allowed: float) -> Meas
     nudged = [[bench.measure(claim, experiment, variant, at_s)[1] for experiment, at_s in points] for variant in NUDGED]
     noise = float(np.abs(np.array(nudged) - own).max())
     trouble = explain_doubt(index, noise, allowed, describe_noise(noise))
-    return MeasuredClaim(own, noise, own, trouble or explain_waves(bench, index, [1.0] * len(points), allowed))
+    return MeasuredClaim(own, noise, own, trouble, (1.0,) * len(points))
 
 
 def explain_doubt(index: int, uncertainty: float, allowed: float, cure: str) -> tuple[str, str] | None:
@@ -244,31 +232,31 @@ def explain_doubt(index: int, uncertainty: float, allowed: float, cure: str) -> 
     return f"claims.{index}", f"{known}: {cure}"
 
 
-def explain_waves(bench: Bench, index: int, finer: Sequence[float], allowed: float) -> tuple[str, str] | None:
-    """Returns the trouble of a claim that each wave of a run answers otherwise, in runs with timesteps `finer` times
-    shorter."""
-    claim = bench.problem.claims[index]
-    if claim.quantity not in WAVES:
-        return None
-    runs = zip(list_points(bench.problem, claim), finer, strict=True)
-    whys = (bench.explain_change(claim, experiment, times, allowed) for (experiment, _), times in runs)
-    why = next(filter(None, whys), None)
+def find_ambiguity(problem: Problem, index: int, measured: MeasuredClaim) -> tuple[str, str] | None:
+    """Returns the trouble of a claim that was measured, and is another one for who looks at one wave of the run, or at
+    a longer run. A verdict needs none of it."""
+    claim = problem.claims[index]
+    runs = zip(list_points(problem, claim), measured.finest, measured.own, strict=True)
+    allowed = claim.allow(measured.own)
+    try:
+        whys = (explain_ambiguity(claim, experiment, finest, own, allowed) for (experiment, _), finest, own in runs)
+        why = next(filter(None, whys), None)
+    except (RegimeFailure, LabRefused, VerifyError) as error:
+        return place_error(index, error)
     return None if why is None else (f"claims.{index}", why)
 
 
-def find_unsettled(problem: Problem) -> tuple[str, str] | None:
-    """Returns the key and the reason of a claim about a settling time that a longer run denies; None if there is none.
-    All claims can be measured. Raises RegimeFailure and LabRefused where the longer run fails."""
-    for index, (claim, measured) in enumerate(zip(problem.claims, measure_claims(problem), strict=True)):
-        if claim.quantity != "settling" or claim.until is not None:
-            continue
-        experiments = problem.list_experiments(claim)
-        allowed = claim.allow(measured.own)
-        for experiment, settled in zip(experiments, measured.own, strict=True):
-            run, series = read_series(replace(experiment, seconds=lengthen(experiment.seconds)), [claim.expr], SAME)
-            longer = read_value(claim, np.array(run.times), series[:, 0])
-            if why := explain_unsettled(float(settled), longer, allowed):
-                return f"claims.{index}", why
+def explain_ambiguity(claim: Claim, experiment: Experiment, finest: float, own: float, allowed: float) -> str | None:
+    """Says how the number of a claim depends on what is looked at; None where it does not. `finest` is the own timestep
+    over the shortest one. Raises as `read_series` does."""
+    if claim.quantity in WAVES:
+        run, series = read_series(experiment, [claim.expr], Variant(finer=finest))
+        times, values = np.array(run.times), series[:, 0]
+        waves = claim.scale * measure_waves(claim.quantity, times, values, claim)
+        return explain_change(claim.quantity, waves, read_value(claim, times, values), allowed)
+    if claim.quantity == "settling" and claim.until is None:
+        run, series = read_series(replace(experiment, seconds=lengthen(experiment.seconds)), [claim.expr], SAME)
+        return explain_unsettled(own, read_value(claim, np.array(run.times), series[:, 0]), allowed)
     return None
 
 
