@@ -309,6 +309,21 @@ def test_what_still_moves_at_the_end_of_the_run_has_not_settled(timestep: str) -
     assert certify(numeric(right, 0.02, "s", xml=creep, **rest)).ok
 
 
+@pytest.mark.parametrize("timestep", ["any", "given"])
+def test_a_peak_that_still_grows_at_the_end_of_the_run_is_remarked(timestep: str) -> None:
+    """A swing from 0 at 3 m/s with 5 rad/s has its peak, 0.6 m, after 0.314 s."""
+    swing = {"by": "measurement", "xml": world(slide(joint='stiffness="50"')), "setup": "data.qvel[0] = 3", "expr": X,
+             "timestep": timestep}  # fmt: skip
+    for when, peak in (("max", 0.6), ("amplitude", 0.6), ("peak_to_peak", 1.2), ("min", -0.6)):
+        whole = certify(numeric(peak, 0.01, "m", **swing, when=when, seconds=2))
+        assert whole.ok and not whole.remarks, (when, whole.why, whole.remarks)
+    early = 0.6 * math.sin(5 * 0.2)
+    cut = certify(numeric(early, 0.01, "m", **swing, when="max", seconds=0.2))
+    assert cut.ok, cut.why
+    assert [remark for remark in cut.remarks if remark.startswith("The max changes by 0.03")], cut.remarks
+    assert not certify(numeric(early, 0.01, "m", **swing, when="max", seconds=1, until=0.2)).remarks
+
+
 STIFFNESSES = [0.02 * 1.4**i for i in range(9)]
 
 

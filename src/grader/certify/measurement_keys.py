@@ -41,6 +41,12 @@ from grader.questions.kinds.number.units import convert, known_unit, read_unit
 
 EMPTY = "<mujoco/>"
 
+EXTREMES = frozenset({"max", "min", "amplitude", "peak_to_peak"})
+"""Quantities of the largest and the smallest value of a run, which a longer run may pass."""
+
+EARLY = 0.9
+"""The part of a run without whose rest an extreme is found again."""
+
 
 def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelXml) -> Certificate:
     """Measure the value at the given timestep, or its limit as the timestep goes to zero, and from nudged starts."""
@@ -94,6 +100,7 @@ def _certify_run(key: NumberKey, verify: ByMeasurement, measure: Measure) -> Cer
     timestep_s = run.duration_s / max(run.steps, 1)
     certificate = replace(certificate, regime=regime | {"own timestep [s]": timestep_s, "round-off": noise})
     certificate = _require_alike_waves(certificate, key, verify, measure, 1)
+    certificate = _remark_growth(certificate, key, verify, run)
     return _remark_last_stage(certificate, key, run, value, measure)
 
 
@@ -111,6 +118,7 @@ def _certify_motion(key: NumberKey, verify: ByMeasurement, measure: Measure) -> 
         checked["failed"] = limit.failed
     certificate = _compare_with_page(replace(certificate, regime=checked), key, verify, limit.regime, limit.own)
     certificate = _require_alike_waves(certificate, key, verify, measure, limit.ladder.finest)
+    certificate = _remark_growth(certificate, key, verify, limit.run)
     return _remark_last_stage(certificate, key, limit.run, limit.own, measure)
 
 
@@ -130,6 +138,23 @@ def _doubt(certificate: Certificate, condition: str, why: str | None) -> Certifi
     if why is None:
         return certificate
     return replace(certificate, verdict="cannot tell", why=why, regime={**certificate.regime, "failed": condition})
+
+
+def _remark_growth(certificate: Certificate, key: NumberKey, verify: ByMeasurement, run: LabRun) -> Certificate:
+    """Remarks that an extreme still grows when the run ends, unless the author has set that end: it may be no peak."""
+    if not certificate.ok or verify.when == "end" or verify.when not in EXTREMES or verify.until is not None:
+        return certificate
+    times, values = read_series(run)
+    is_early = times <= EARLY * times[-1]
+    before = measure_quantity(verify.when, times[is_early], values[is_early], verify)
+    change = measure_quantity(verify.when, times, values, verify) - before
+    if not abs(change) > key.tolerance:  # or there is nothing before
+        return certificate
+    remark = (
+        f"The {verify.when.replace('_', ' ')} changes by {change:.3g} in the last tenth of the run, so a longer run "
+        "may give another: if the question asks for a peak, make verify.seconds longer."
+    )
+    return replace(certificate, remarks=(*certificate.remarks, remark))
 
 
 def _remark_last_stage(
