@@ -16,11 +16,11 @@ from grader.errors import InvalidAnswer
 from grader.experiments.limits import (
     UNCERTAINTY_SHARE,
     Measure,
+    choose_other_end,
     describe_noise,
     explain_change,
     explain_unsettled,
     find_limit,
-    lengthen,
 )
 from grader.experiments.quantities import WAVES, Floats, measure_waves
 from grader.experiments.quantities import measure as measure_quantity
@@ -64,15 +64,15 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
     keys = {part: f"verify.{part}" for part in ("setup", "controller", "key")} | {"readouts": "verify.expr"}
     scale = find_scale(verify.when, key.unit)
 
-    def read(variant: Variant, seconds: float) -> tuple[LabRun, float]:
+    def read(variant: Variant, verify: ByMeasurement) -> tuple[LabRun, float]:
         variant = replace(variant, every_step=verify.when != "end" or verify.until is not None)
-        run = run_experiment(config, xml, seconds=seconds, variant=variant, keys=keys)
+        run = run_experiment(config, xml, seconds=verify.seconds, variant=variant, keys=keys)
         if run.warnings:
             raise RegimeFailure("no reset", describe_reset(run))
         return run, scale * measure_series(run, verify)
 
     def measure(variant: Variant) -> tuple[LabRun, float]:
-        run, value = read(variant, verify.seconds)
+        run, value = read(variant, verify)
         if not isfinite(value):
             what = "finite value" if verify.when in ("end", "max", "min", "mean") else verify.when.replace("_", " ")
             raise RegimeFailure("finite", f"the run has no {what}: make it longer, or mend expr")
@@ -80,9 +80,11 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
 
     try:
         certificate = (_certify_run if verify.timestep == "given" else _certify_motion)(key, verify, measure)
-        if certificate.ok and verify.when == "settling" and verify.until is None:
-            longer = read(SAME, lengthen(verify.seconds))[1]
-            certificate = _doubt(certificate, "settled", explain_unsettled(measure(SAME)[1], longer, key.tolerance))
+        if certificate.ok and verify.when == "settling" and None in (verify.until, verify.level):
+            end_s = choose_other_end(verify.until or verify.seconds)
+            other = read(SAME, verify.model_copy(update={"seconds": end_s, "until": None}))[1]
+            why = explain_unsettled(measure(SAME)[1], other, key.tolerance, end_s)
+            certificate = _doubt(certificate, "settled", why)
         return certificate
     except RegimeFailure as error:
         at = "verify.expr" if error.condition == "finite" else "verify"

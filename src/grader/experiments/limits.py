@@ -20,8 +20,9 @@ UNCERTAINTY_SHARE = 0.2
 WHOLE = 1e-6
 """Distance from a whole number at which a run counts as that many steps: rounding of the sum of the timesteps."""
 
-LONGER = 1.5
-"""How many times as long a run is that shows whether something has settled: then it settles at the same time."""
+LONGER, ENOUGH = 1.5, 1.2
+"""How many times as long a run is, and at least has to be, that shows whether something has settled: then it settles at
+the same time."""
 
 Measure = Callable[[Variant], tuple[LabRun, float]]
 """Returns a run and the number that was measured in it. Raises RegimeFailure."""
@@ -110,19 +111,21 @@ def explain_change(name: str, waves: Floats, value: float, allowed: float) -> st
     )
 
 
-def lengthen(seconds: float) -> float:
-    """Returns the length of a longer run [s], as far as labs may last."""
-    return min(LONGER * seconds, SECONDS_MAX)
+def choose_other_end(end_s: float) -> float:
+    """Returns when a run ends [s] that shows whether another, which ends at `end_s`, has settled: later, or earlier
+    where labs may hardly last longer."""
+    later = min(LONGER * end_s, SECONDS_MAX)
+    return later if later > ENOUGH * end_s else end_s / LONGER
 
 
-def explain_unsettled(settled: float, longer: float, allowed: float) -> str | None:
-    """Says that something which `settled` at a time of a run moves on after its end: in a longer run it settles at
-    `longer`, NaN where it does not. None where both agree within `allowed`."""
-    if abs(longer - settled) <= allowed:
+def explain_unsettled(settled: float, other: float, allowed: float, end_s: float) -> str | None:
+    """Says that something which `settled` at a time of a run moves on after its end: in a run that ends at `end_s` it
+    settles at `other`, NaN where it does not. None where both agree within `allowed`."""
+    if abs(other - settled) <= allowed:
         return None
-    later = f"at {longer:.6g}" if isfinite(longer) else "at no time"
+    then = f"at {other:.6g}" if isfinite(other) else "at no time"
     return (
-        f"it has not settled when the run ends: in a longer run it settles {later}, not at {settled:.6g}: "
+        f"it has not settled when the run ends: in one of {end_s:g} s it settles {then}, not at {settled:.6g}: "
         "make the run longer, or give the level at which it comes to rest"
     )
 

@@ -20,6 +20,10 @@ PEAKS_MIN = 3
 HALF_WAVES = 3
 """Half-waves without which no rest position is estimated."""
 
+SMOOTH = 0.25
+"""The part of the curvature at a peak that its neighbours have too, unless the series jumps there: of a sine with eight
+frames a period they have 0.41 or more, beside a jump nothing or the other sign."""
+
 EVERYTHING = Window()
 """The whole series."""
 
@@ -63,12 +67,14 @@ def find_min(times: Floats, values: Floats, window: Window) -> float:
 
 
 def refine_peak(values: Floats, at: int) -> tuple[float, float]:
-    """Returns where the parabola through a frame and its neighbours has its top [frames], and its height."""
+    """Returns where the parabola through a frame and its neighbours has its top [frames], and its height. Where the
+    series jumps or has a kink, no parabola passes through it: the frame itself is the top."""
     if not 0 < at < len(values) - 1:
         return float(at), float(values[at])
     before, top, after = (float(value) for value in values[at - 1 : at + 2])
     bend = before - 2 * top + after
-    if bend >= 0:
+    beside = np.diff(values[max(at - 2, 0) : at + 3], 2)
+    if bend >= 0 or len(beside) < 2 or beside.max() > SMOOTH * bend:
         return float(at), top
     shift = (before - after) / (2 * bend)
     return at + shift, top - (before - after) * shift / 4

@@ -114,7 +114,7 @@ def check_regime(run: LabRun, *, to_the_end: bool, fastest: float | None = None)
     while run.steps * 2 ** (level + 2) <= STEPS_MAX and _loses_mode(run, timestep_s / 2 ** (level + 2)):
         level += 1
     if level and run.steps * 2 ** (level + 2) > STEPS_MAX:
-        needed = f"above {RESOLVED / rate:.2g} s, and the own timestep is {timestep_s:.3g} s"
+        needed = f"above {timestep_s / 2**level:.2g} s, and the own timestep is {timestep_s:.3g} s"
         cure = (
             "make the model less stiff or the run shorter, or write "
             '"timestep": "given" for a key about the discretisation'

@@ -35,7 +35,7 @@ DATA_FIELDS = DATA_RESULTS | DATA_STATE
 """Names of the arrays of mjData that expressions may read."""
 
 NUDGE = 1e-10
-"""Shift of every position of the start [rad, m] that must not change an answer.
+"""Size of the shifts of positions and velocities of the start [rad, m, and per s] that must not change an answer.
 
 Source: far above rounding, far below any pixel.
 """

@@ -30,6 +30,8 @@ FRAMES_PER_SECOND = 60
 FRAMES_PER_CHECK = 16
 """Frames after which the CPU time is read: with a frame for every step, reading it takes a third of a run."""
 CLOSE_UP_FRAMES = 120
+NUDGE_SEED = 0
+"""Draws the amounts by which nudged starts differ: always the same, so that a certificate can be repeated."""
 WARNINGS_MAX = 100
 
 Event = tuple[float, str]
@@ -39,8 +41,9 @@ Event = tuple[float, str]
 @dataclass(frozen=True)
 class Variant:
     """The same lab, slightly different, for certificates. Another integrator, timesteps `finer` times smaller, every
-    position of the start nudged by `nudge` [rad or m]; with `every_step` a frame for every step, without poses. Up to
-    `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one for every step.
+    position and velocity of the start nudged by about `nudge` [rad or m, and per s], each by another amount: a shift of
+    all alike changes no distance; with `every_step` a frame for every step, without poses. Up to `close_up_s` [s] there
+    are CLOSE_UP_FRAMES frames, or one for every step.
     The motion is linearised at `probes` moments, until MuJoCo resets it. With `as_stepped` derived quantities are shown
     as mj_step left them, also where they belong to RK4's last stage."""
 
@@ -127,8 +130,9 @@ class LabSimulation:
         if variant.integrator is not None:
             self.model.opt.integrator = variant.integrator
         if variant.nudge:
-            step = np.full(self.model.nv, variant.nudge)
-            mujoco.mj_integratePos(self.model, self.data.qpos, step, 1.0)
+            moved, sped = variant.nudge * np.random.default_rng(NUDGE_SEED).standard_normal((2, self.model.nv))
+            mujoco.mj_integratePos(self.model, self.data.qpos, moved, 1.0)
+            self.data.qvel += sped
             self._forward()
 
     def _forward(self) -> None:

@@ -42,10 +42,12 @@ def find_least_accelerated(scene: Scene) -> Scene:
 
 def compute_rates(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.complex128]:
     """Returns the eigenvalues [1/s] of the equations of motion at the state of `data`; all inf if these are not finite.
+    An activation that is held at its limit has none: it does not move.
 
     Central differences of accelerations and activation rates, 4 nv + 2 na evaluations that write into `data`.
     """
     nv, na = int(model.nv), int(model.na)
+    held = 2 * nv + find_held_activations(model, data)
     qpos, qvel, act = data.qpos.copy(), data.qvel.copy(), data.act.copy()
 
     def compute_rate(nudge: Vector) -> Vector:
@@ -61,7 +63,20 @@ def compute_rates(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.comp
         jacobian[nv:, column] = (compute_rate(nudge) - compute_rate(-nudge)) / (2 * EPS)
     if not np.all(np.isfinite(jacobian)):
         return np.full(size, np.inf, dtype=np.complex128)
-    return np.asarray(np.linalg.eigvals(jacobian), dtype=np.complex128)
+    moving = np.delete(np.delete(jacobian, held, axis=0), held, axis=1)
+    return np.asarray(np.linalg.eigvals(moving), dtype=np.complex128)
+
+
+def find_held_activations(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.int64]:
+    """Returns the places in act of those at a limit that their rate does not lead away from."""
+    limited = np.flatnonzero(model.actuator_actlimited)
+    if not len(limited):
+        return limited
+    mujoco.mj_forward(model, data)
+    at = model.actuator_actadr[limited] + model.actuator_actnum[limited] - 1
+    low, high = model.actuator_actrange[limited].T
+    act, rate = data.act[at], data.act_dot[at]
+    return np.asarray(at[((act >= high) & (rate >= 0)) | ((act <= low) & (rate <= 0))], dtype=np.int64)
 
 
 @lru_cache(maxsize=128)

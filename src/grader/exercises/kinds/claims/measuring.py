@@ -14,11 +14,11 @@ from grader.exercises.kinds.claims.parameters import Claim, Experiment, Floats, 
 from grader.exercises.parameters import WrongParameter
 from grader.experiments.limits import (
     UNCERTAINTY_SHARE,
+    choose_other_end,
     describe_noise,
     explain_change,
     explain_unsettled,
     find_limit,
-    lengthen,
 )
 from grader.experiments.quantities import WAVES, measure, measure_waves, read_trace
 from grader.experiments.regime import RegimeFailure, describe_reset
@@ -254,9 +254,11 @@ def explain_ambiguity(claim: Claim, experiment: Experiment, finest: float, own: 
         times, values = np.array(run.times), series[:, 0]
         waves = claim.scale * measure_waves(claim.quantity, times, values, claim)
         return explain_change(claim.quantity, waves, read_value(claim, times, values), allowed)
-    if claim.quantity == "settling" and claim.until is None:
-        run, series = read_series(replace(experiment, seconds=lengthen(experiment.seconds)), [claim.expr], SAME)
-        return explain_unsettled(own, read_value(claim, np.array(run.times), series[:, 0]), allowed)
+    if claim.quantity == "settling" and None in (claim.until, claim.level):
+        end_s = choose_other_end(claim.until or experiment.seconds)
+        run, series = read_series(replace(experiment, seconds=end_s), [claim.expr], SAME)
+        other = read_value(claim.model_copy(update={"until": None}), np.array(run.times), series[:, 0])
+        return explain_unsettled(own, other, allowed, end_s)
     return None
 
 
