@@ -16,11 +16,11 @@ from grader.errors import InvalidAnswer
 from grader.experiments.limits import (
     UNCERTAINTY_SHARE,
     Measure,
-    choose_other_end,
     describe_noise,
     explain_change,
     explain_unsettled,
     find_limit,
+    list_other_ends,
 )
 from grader.experiments.quantities import WAVES, Floats, measure_waves
 from grader.experiments.quantities import measure as measure_quantity
@@ -80,10 +80,10 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
 
     try:
         certificate = (_certify_run if verify.timestep == "given" else _certify_motion)(key, verify, measure)
-        if certificate.ok and verify.when == "settling" and None in (verify.until, verify.level):
-            end_s = choose_other_end(verify.until or verify.seconds)
-            other = read(SAME, verify.model_copy(update={"seconds": end_s, "until": None}))[1]
-            why = explain_unsettled(measure(SAME)[1], other, key.tolerance, end_s)
+        if certificate.ok and verify.when == "settling":
+            ends = list_other_ends(verify.until or verify.seconds, is_part=verify.until is not None)
+            others = {end: read(SAME, verify.model_copy(update={"seconds": end, "until": None}))[1] for end in ends}
+            why = explain_unsettled(measure(SAME)[1], others, key.tolerance)
             certificate = _doubt(certificate, "settled", why)
         return certificate
     except RegimeFailure as error:

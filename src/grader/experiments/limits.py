@@ -1,7 +1,7 @@
 """Measures a number of a motion: its limit as the timestep goes to zero, with the uncertainty, and what fails if it has
 none. Three timesteps, one that is no simple fraction of them, and nudged starts must agree."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
@@ -111,18 +111,20 @@ def explain_change(name: str, waves: Floats, value: float, allowed: float) -> st
     )
 
 
-def choose_other_end(end_s: float) -> float:
-    """Returns when a run ends [s] that shows whether another, which ends at `end_s`, has settled: later, or earlier
-    where labs may hardly last longer."""
+def list_other_ends(end_s: float, *, is_part: bool) -> list[float]:
+    """Returns when runs end [s] that show whether another, which ends at `end_s`, has settled: later, or earlier where
+    labs may hardly last longer. Where the other is a part of a run both will do: after it something else may begin."""
     later = min(LONGER * end_s, SECONDS_MAX)
-    return later if later > ENOUGH * end_s else end_s / LONGER
+    ends = [later] if later > ENOUGH * end_s else []
+    return ends if ends and not is_part else [*ends, end_s / LONGER]
 
 
-def explain_unsettled(settled: float, other: float, allowed: float, end_s: float) -> str | None:
-    """Says that something which `settled` at a time of a run moves on after its end: in a run that ends at `end_s` it
-    settles at `other`, NaN where it does not. None where both agree within `allowed`."""
-    if abs(other - settled) <= allowed:
+def explain_unsettled(settled: float, others: Mapping[float, float], allowed: float) -> str | None:
+    """Says that something which `settled` at a time of a run moves on after its end: runs that end at other times [s]
+    have `others`, NaN where it does not settle. None where one of them agrees within `allowed`."""
+    if any(abs(other - settled) <= allowed for other in others.values()):
         return None
+    end_s, other = next(iter(others.items()))
     then = f"at {other:.6g}" if isfinite(other) else "at no time"
     return (
         f"it has not settled when the run ends: in one of {end_s:g} s it settles {then}, not at {settled:.6g}: "

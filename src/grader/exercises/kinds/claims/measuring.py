@@ -14,11 +14,11 @@ from grader.exercises.kinds.claims.parameters import Claim, Experiment, Floats, 
 from grader.exercises.parameters import WrongParameter
 from grader.experiments.limits import (
     UNCERTAINTY_SHARE,
-    choose_other_end,
     describe_noise,
     explain_change,
     explain_unsettled,
     find_limit,
+    list_other_ends,
 )
 from grader.experiments.quantities import WAVES, measure, measure_waves, read_trace
 from grader.experiments.regime import RegimeFailure, describe_reset
@@ -254,11 +254,9 @@ def explain_ambiguity(claim: Claim, experiment: Experiment, finest: float, own: 
         times, values = np.array(run.times), series[:, 0]
         waves = claim.scale * measure_waves(claim.quantity, times, values, claim)
         return explain_change(claim.quantity, waves, read_value(claim, times, values), allowed)
-    if claim.quantity == "settling" and None in (claim.until, claim.level):
-        end_s = choose_other_end(claim.until or experiment.seconds)
-        run, series = read_series(replace(experiment, seconds=end_s), [claim.expr], SAME)
-        other = read_value(claim.model_copy(update={"until": None}), np.array(run.times), series[:, 0])
-        return explain_unsettled(own, other, allowed, end_s)
+    if claim.quantity == "settling":
+        ends = list_other_ends(claim.until or experiment.seconds, is_part=claim.until is not None)
+        return explain_unsettled(own, {end: read_until(claim, experiment, end) for end in ends}, allowed)
     return None
 
 
@@ -266,3 +264,9 @@ def place_error(index: int, error: Exception) -> tuple[str, str]:
     """Returns the key of the exercise for an error of a run, and the reason."""
     key = error.key if isinstance(error, VerifyError) else "verify"
     return key if key in ("x.apply", "seconds") else f"claims.{index}.{key}".removesuffix(".verify"), str(error)
+
+
+def read_until(claim: Claim, experiment: Experiment, end_s: float) -> float:
+    """Returns the number of a claim about the whole of a run that ends at another time [s]. Raises as `read_series`."""
+    run, series = read_series(replace(experiment, seconds=end_s), [claim.expr], SAME)
+    return read_value(claim.model_copy(update={"until": None}), np.array(run.times), series[:, 0])
