@@ -119,3 +119,41 @@ def test_what_is_read_from_moments_needs_a_unit_of_its_own(when: str, unit: str,
     assert (certificate.key == "unit") is not fits
     if not fits:
         assert "measures something else" in certificate.why
+
+
+SENSED = """<mujoco><worldbody><body name="b"><joint name="s" type="slide"/><joint name="h"/><geom size="1"/>
+<site name="at"/></body></worldbody><actuator><motor joint="h"/></actuator>
+<sensor><jointpos name="place" joint="s"/><jointpos name="angle" joint="h"/><jointvel name="turning" joint="h"/>
+<framepos name="where" objtype="body" objname="b"/><gyro name="gyro" site="at"/>
+<jointactuatorfrc name="torque" joint="h"/>
+<framequat name="quat" objtype="body" objname="b"/></sensor></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "fits"),
+    [
+        ("data.sensordata[0]", "m", True),
+        ("data.sensordata[0]", "mm", False),
+        ("data.sensordata[1]", "deg", False),
+        ("lib.deg(data.sensordata[1])", "deg", True),
+        ("lib.sensor('angle')", "rad", True),
+        ("lib.sensor('angle')", "deg", False),
+        ("lib.sensor('turning')", "rpm", False),
+        ("data.sensordata[5]", "mm", False),  # the third of `where`
+        ("1000 * lib.sensor('where')[2]", "mm", True),
+        ("data.sensordata[6]", "deg/s", False),
+        ("data.sensordata[9]", "N", False),
+        ("data.sensordata[9]", "N m", True),
+        ("data.qfrc_actuator[1]", "mN m", False),
+        ("data.qfrc_actuator[1]", "N m", True),
+        ("data.sensordata[10]", "mm", True),  # of a quaternion: not known
+        ("lib.sensor('none')", "mm", True),
+    ],
+)
+def test_a_sensor_has_the_unit_of_its_type(text: str, unit: str, fits: bool) -> None:
+    assert (explain_unit(text, mujoco.MjModel.from_xml_string(SENSED), unit) is None) == fits
+
+
+def test_a_mass_that_is_written_as_a_number_is_told_the_field_of_the_model(model: mujoco.MjModel) -> None:
+    why = explain_unit("0.5 * 3 * data.qvel[0] ** 2", model, "J")
+    assert why is not None and "model.body_mass[1]" in why

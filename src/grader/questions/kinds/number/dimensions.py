@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from math import isclose, log10, pi
 
 import mujoco
+import numpy as np
 from tree_sitter import Node
 
 from grader.errors import GraderError
@@ -37,6 +38,7 @@ M, KG, S = Dimension((1, 0, 0), 1.0, "m"), Dimension((0, 1, 0), 1.0, "kg"), Dime
 SPEED, TURNING = Dimension((1, 0, -1), 1.0, "m/s"), Dimension((0, 0, -1), 1.0, "rad/s")
 ACCELERATION, SPIN = Dimension((1, 0, -2), 1.0, "m/s²"), Dimension((0, 0, -2), 1.0, "rad/s²")
 N, J = Dimension((1, 1, -2), 1.0, "N"), Dimension((2, 1, -2), 1.0, "J")
+N_M = replace(J, name="N m")
 
 FIELDS = {
     "data.time": S, "model.opt.timestep": S, "model.opt.gravity": ACCELERATION, "model.body_mass": KG,
@@ -59,10 +61,22 @@ JOINTS = {
     "data.qpos": (M, RAD), "model.qpos0": (M, RAD), "lib.qpos": (M, RAD),
     "data.qvel": (SPEED, TURNING), "lib.qvel": (SPEED, TURNING),
     "data.qacc": (ACCELERATION, SPIN), "data.qacc_smooth": (ACCELERATION, SPIN),
+    **{f"data.qfrc_{which}": (N, N_M) for which in ("actuator", "applied", "bias", "constraint", "passive", "smooth")},
     "model.jnt_stiffness": (Dimension((0, 1, -2), 1.0, "N/m"), Dimension((2, 1, -2), 1.0, "N m/rad")),
     "model.dof_damping": (Dimension((0, 1, -1), 1.0, "N s/m"), Dimension((2, 1, -1), 1.0, "N m s/rad")),
 }  # fmt: skip
 """What fields of joints hold: of a slide, and of a hinge."""
+
+SENSORS = {
+    "accelerometer": ACCELERATION, "velocimeter": SPEED, "gyro": TURNING, "force": N, "torque": N_M, "touch": N,
+    "rangefinder": M, "geomdist": M, "ballangvel": TURNING, "framepos": M, "framelinvel": SPEED, "frameangvel": TURNING,
+    "framelinacc": ACCELERATION, "frameangacc": SPIN, "subtreecom": M, "subtreelinvel": SPEED,
+    "subtreeangmom": Dimension((2, 1, -1), 1.0, "kg m²/s"), "e_potential": J, "e_kinetic": J, "clock": S,
+}  # fmt: skip
+"""What sensors read in every model, by the names of MuJoCo's types."""
+
+JOINT_SENSORS = {"jointpos": "data.qpos", "jointvel": "data.qvel", "jointactfrc": "data.qfrc_actuator"}
+"""Sensors of joints, and the fields that they read."""
 
 
 def explain_unit(text: str, model: mujoco.MjModel, unit: str) -> str | None:
@@ -72,7 +86,8 @@ def explain_unit(text: str, model: mujoco.MjModel, unit: str) -> str | None:
         return None
     if any(not isclose(a, b, abs_tol=1e-9) for a, b in zip(measured.powers, wanted.powers, strict=True)):
         what = measured.name or _spell(measured.powers)
-        return f"the expression gives a value in {what}, which the unit {unit} does not measure"
+        cure = "name masses and lengths in it by their fields, such as model.body_mass[1], or write another unit"
+        return f"the expression gives a value in {what}, which the unit {unit} does not measure: {cure}"
     if measured.size is not None and wanted.size is not None and not isclose(measured.size, wanted.size):
         return f"the expression gives a value in {measured.name or 'base units'}, and the unit is {unit}: convert one"
     if measured.size is not None and counts_turns(unit):
@@ -175,6 +190,10 @@ def _read_call(node: Node, model: mujoco.MjModel) -> Dimension | None:
     if name in JOINTS and arguments and arguments[0].type == "string":
         joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, syntax.read_string(arguments[0]))
         return None if joint < 0 else _of_joint(name, int(model.jnt_type[joint]))
+    if name == "lib.sensor" and arguments and arguments[0].type == "string":
+        return _read_sensor(
+            model, mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, syntax.read_string(arguments[0]))
+        )
     if name == "Math.sqrt" and arguments:
         return _raise(_read(arguments[0], model), 0.5)
     read = [_read(argument, model) for argument in arguments]
@@ -198,6 +217,8 @@ def _read_field(node: Node, model: mujoco.MjModel) -> Dimension | None:
 def _read_element(path: str, at: float, model: mujoco.MjModel) -> Dimension | None:
     """Returns what an element of a field of joints holds."""
     joints = range(model.njnt)
+    if path == "data.sensordata":
+        return _read_sensor(model, int(np.searchsorted(model.sensor_adr, at, side="right")) - 1)
     if path == "model.actuator_gainprm":
         return _read_stiffness(model, int(at))
     if path not in JOINTS:
@@ -223,6 +244,16 @@ def _read_loose_element(path: str, at: int, model: mujoco.MjModel) -> Dimension 
             case mujoco.mjtJoint.mjJNT_BALL if 0 <= offset < 3 and not is_place:
                 return turning
     return None
+
+
+def _read_sensor(model: mujoco.MjModel, index: int) -> Dimension | None:
+    """Returns what a sensor reads."""
+    if not 0 <= index < model.nsensor:
+        return None
+    name = mujoco.mjtSensor(model.sensor_type[index]).name.removeprefix("mjSENS_").lower()
+    if name not in JOINT_SENSORS:
+        return SENSORS.get(name)
+    return _of_joint(JOINT_SENSORS[name], int(model.jnt_type[model.sensor_objid[index]]))
 
 
 def _read_stiffness(model: mujoco.MjModel, index: int) -> Dimension | None:
