@@ -187,6 +187,44 @@ def test_a_servo_under_another_integrator_is_not_inferred_to_be_explicit() -> No
         assert (certify_question(QUESTION.validate_python(raw), model_xml) is not None) is is_told
 
 
+@pytest.mark.parametrize(
+    "asked",
+    ["What is the largest stable timestep under explicit Euler if kv is doubled?",
+     "By explicit Euler, the largest stable timestep is known. How long is a fifth of it?"],
+)  # fmt: skip
+def test_a_question_that_goes_on_from_the_limit_of_a_servo_is_not_inferred(asked: str) -> None:
+    text = f"A servo joint of inertia 0.05 kg m² has kv = 10. {asked}"
+    raw = {"id": "n", "kind": "numeric", "q": text, "answer": 5.0, "tol": 0.1, "unit": "ms"}
+    assert certify_question(QUESTION.validate_python(raw), model_xml) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "is_told"),
+    [("In which stage of <code>mj_step</code> is collision detection performed?", True),
+     ("Which stage of mj_step finds the contacts?", True),
+     ("Which stage of mj_step follows directly on the one in which collision detection runs?", False),
+     ("In which stage of mj_step are the forces of the contacts that collision detection has found computed?", False),
+     ("Which stage of mj_step does not run collision detection?", False)],
+)  # fmt: skip
+def test_a_stage_is_inferred_where_the_question_asks_for_the_contacts_alone(text: str, is_told: bool) -> None:
+    options = ["Position stage", "Velocity stage", "Actuation stage"]
+    raw = {"id": "s", "kind": "mcq", "q": text, "options": options, "answer": 1}
+    certificate = certify_question(QUESTION.validate_python(raw), model_xml)
+    assert (certificate is not None) is is_told
+    if certificate is not None:
+        assert certificate.verdict == "refuted"
+        assert '{"by": "hand"' in certificate.why
+
+
+def test_a_key_that_is_derived_by_hand_is_published_with_its_reason_and_nothing_is_inferred() -> None:
+    by_hand = {"by": "hand", "accept": "It asks for another stage than it seems to."}
+    raw = lesson(1, answer=2).model_dump(mode="json") | {"verify": by_hand}
+    certificate = certify(QUESTION.validate_python(raw))
+    assert (certificate.verdict, certificate.is_publishable) == ("cannot tell", True)
+    with pytest.raises(ValidationError):
+        QUESTION.validate_python(raw | {"verify": {"by": "hand"}})
+
+
 def test_a_select_that_says_nothing_about_stability_is_not_guessed_at() -> None:
     assert certify_question(predict(["gentle", "firm", "hard"], 0, PUSHED), model_xml) is None
 

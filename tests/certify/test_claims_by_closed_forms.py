@@ -211,6 +211,35 @@ def outcome(sim: dict[str, Any], claims: list[Any], answer: int, **verify: Any) 
     return predict(options, answer, sim, {"by": "outcome", "claims": claims, **verify})
 
 
+BESIDE = {
+    "nothing": ("", ""),
+    "a box that lies on the floor": ("""<geom type="plane" size="5 5 .1"/><body pos="3 0 .05"><freejoint/>
+      <geom type="box" size=".1 .1 .05" mass="2"/></body>""", ""),
+    "a slide with dry friction": ("""<body pos="3 0 0"><joint type="slide" axis="1 0 0" frictionloss=".1"/>
+      <geom size=".1" contype="0" conaffinity="0"/></body>""", ""),
+    "a pendulum that swings on": ("""<body pos="3 0 2"><joint/>
+      <geom size=".1" pos="0 0 -1" contype="0" conaffinity="0"/></body>""", ""),
+    "a controller": ("", "ctx.n = 1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("beside", BESIDE)
+def test_what_is_beside_a_servo_hides_no_growth_that_its_force_limit_bounds(beside: str) -> None:
+    """I = 0.05, kv = 15: explicit damping is stable below 2 I/kv = 6.7 ms. Beyond, the limited force keeps up a swing
+    of 0.02 rad, of which MuJoCo never warns."""
+    others, controller = BESIDE[beside]
+    xml = f"""<mujoco><option timestep="0.01" gravity="0 0 -9.81"/><worldbody><body pos="0 0 1">
+      <joint name="h" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia=".05 .05 .05"/></body>
+      {others}</worldbody><actuator><general joint="h" biastype="affine" gainprm="50" biasprm="0 -50 -15"
+      forcelimited="true" forcerange="-5 5"/></actuator></mujoco>"""
+    steps = {"type": "select", "label": "h", "set": "model.opt.timestep", "options": [["2 ms", 2e-3], ["20 ms", 2e-2]]}
+    sim = {"xml": xml, "setup": "data.qpos[0] = 0.01", "controls": [steps], "controller": controller or None}
+    verify = {"by": "options", "criterion": "stable", "seconds": 5, "settings": [{"h": "2 ms"}, {"h": "20 ms"}, None]}
+    for answer, verdict in ((0, "certified"), (1, "refuted"), (2, "refuted")):
+        certificate = certify(predict(["2 ms", "20 ms", "Both"], answer, sim, verify))
+        assert certificate.verdict == verdict, certificate.why
+
+
 @pytest.mark.parametrize("h", [0.02, 0.01])
 @pytest.mark.parametrize("rate", [20.0, 50.0, 120.0, 300.0])
 @pytest.mark.parametrize("damping", [0.02, 0.05, 0.1, 0.2, 0.3, 0.5])

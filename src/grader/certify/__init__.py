@@ -16,13 +16,28 @@ from grader.certify.stage_keys import certify_stage
 from grader.certify.threshold_keys import certify_threshold
 from grader.domain.lab import LabConfig
 from grader.domain.quantities import BASE_UNITS
-from grader.domain.verify import ByExpression, ByMeasurement, ByOptions, ByOutcome, ByStage, ByThreshold, Verify
+from grader.domain.verify import (
+    ByExpression,
+    ByHand,
+    ByMeasurement,
+    ByOptions,
+    ByOutcome,
+    ByStage,
+    ByThreshold,
+    Verify,
+)
 from grader.errors import CallerError, LabRefused
 from grader.experiments.runs import VerifyError, read_xml
 from grader.questions import AnswerKey, ModelXml, NumberKey, OptionKey
 from grader.questions.kinds.number.dimensions import explain_unit
 
 __all__ = ["Certificate", "certify_key"]
+
+INFERRED = (
+    "what to derive was read from the words of the question: correct `answer`, or write what it asks for as a "
+    '`verify`, or why the key holds as "verify": {"by": "hand", "accept": "..."}'
+)
+"""The end of a fault of a key without `verify`."""
 
 
 def certify_key(key: AnswerKey, model_xml: ModelXml) -> Certificate | None:
@@ -35,7 +50,10 @@ def certify_key(key: AnswerKey, model_xml: ModelXml) -> Certificate | None:
         verify = key.verify or infer_verify(key)
         if verify is None:
             return None
-        certificate = _certify(key, verify, model_xml)
+        if isinstance(verify, ByHand):
+            certificate = refuse("hand", key.answer, "nothing was simulated, since the key is derived by hand")
+        else:
+            certificate = _certify(key, verify, model_xml)
     except (VerifyError, CallerError, LabRefused, ValueError, FatalError) as error:
         at = error.key if isinstance(error, VerifyError) else "verify"
         certificate = refuse("verify", key.answer, f"it cannot be re-derived: {error}", key=at)
@@ -44,6 +62,8 @@ def certify_key(key: AnswerKey, model_xml: ModelXml) -> Certificate | None:
             certificate = _accept(certificate, verify.accept)
     if key.verify is None and (_are_all_stable(certificate) or _is_about_something_else(certificate, key)):
         return None
+    if key.verify is None and not certificate.ok:
+        certificate = replace(certificate, why=f"{certificate.why}; {INFERRED}")
     certificate = _remark_other_model(_compare_units(certificate, key, model_xml), key)
     at = certificate.key if key.verify is not None else "answer"
     at = f"{key.place}.{at}" if key.place else at

@@ -10,8 +10,13 @@ from grader.domain.verify import ByOptions, ByStage, ByThreshold, ServoJoint, Ve
 from grader.questions import AnswerKey, NumberKey, OptionKey
 from grader.questions.kinds.number.units import known_unit
 
-FILLED = {"collision detection": "contact", "contacts are found": "contact"}
-"""Words of a question about mj_step, and the field of mjData that the stage fills."""
+DETECTS = re.compile(
+    r"\b(?:which|what) stage of mj_step (?:(?:performs|does|runs) (?:the )?collision detection|"
+    r"(?:finds|detects) (?:the )?(?:contacts|collisions)|"
+    r"(?:is|are|does) (?:the )?(?:collision detection|contacts|collisions) "
+    r"(?:performed|done|run|carried out|found|detected|computed|happen|take place)) ?\?", re.IGNORECASE,
+)  # fmt: skip
+"""A question for the stage of mj_step that finds the contacts, and for nothing else."""
 
 NUMBER = r"([0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?)"
 INERTIA = re.compile(rf"inertia (?:of )?{NUMBER} ?kg ?m(?:²|\^?2)")
@@ -20,6 +25,12 @@ ASKED = re.compile(r"largest (?:stable )?timestep")
 TIMES = frozenset(("seconds", "milliseconds", "microseconds"))
 EXPLICIT = re.compile(r"\bexplicit|\bEuler\b")
 OTHERS = re.compile(r"\bimplicit|\bRK4\b|\bRunge|\bdiscrete\b")
+TWISTED = re.compile(
+    r"\b(?:if|how|half|halv\w+|twice|doubl\w+|tripl\w+|quarter|third|fifth|tenth|times|percent|share|part|fraction|ratio|"
+    r"factor|margin|instead|chang\w+|increas\w+|reduc\w+|decreas\w+|replac\w+|other|another|second|more|less|longer|"
+    r"shorter|higher|lower|without|add\w*)\b|%", re.IGNORECASE,
+)  # fmt: skip
+"""Words by which a question may ask for something else than the limit of the servo that it describes."""
 STABLE = re.compile(r"(?<!not )(?<!never )(?<!longer )\bstab", re.IGNORECASE)
 """Words of a question that asks what is stable; `unstable` and `instability` do not match."""
 
@@ -37,12 +48,10 @@ def infer_verify(key: AnswerKey) -> Verify | None:
 
 def _infer_stage(key: OptionKey) -> ByStage | None:
     """For a question such as `In which stage of mj_step is collision detection performed?`, with stages as options."""
-    text = plain_text(key.text)
-    filled = next((field for words, field in FILLED.items() if words in text), None)
     stages = [find_stage(option) for option in key.options]
-    if filled is None or "stage" not in text or "mj_step" not in text or None in stages:
+    if not DETECTS.search(plain_text(key.text)) or None in stages or len(set(stages)) < len(stages):
         return None
-    return ByStage(by="stage", fills=filled) if len(set(stages)) == len(stages) else None
+    return ByStage(by="stage", fills="contact")
 
 
 def _infer_servo_limit(key: NumberKey) -> ByThreshold | None:
@@ -52,7 +61,7 @@ def _infer_servo_limit(key: NumberKey) -> ByThreshold | None:
     unit = known_unit(key.unit or "")
     if inertia is None or kv is None or unit is None or unit.words.split(" ")[0] not in TIMES:
         return None
-    if not ASKED.search(text) or not EXPLICIT.search(text) or OTHERS.search(text):
+    if not ASKED.search(text) or not EXPLICIT.search(text) or OTHERS.search(text) or TWISTED.search(text):
         return None
     servo = ServoJoint(inertia=float(inertia[1]), kv=float(kv[1]), kp=float(kp[1]) if kp else 0.0)
     return ByThreshold(by="threshold", servo=servo)

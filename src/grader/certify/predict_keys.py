@@ -6,11 +6,15 @@ from dataclasses import replace
 from math import log
 from typing import Any
 
+import numpy as np
+
 from grader.certify.certificate import Certificate, certify_choice, refuse
 from grader.certify.claims import check_claim, to_claim
 from grader.domain.lab import LabConfig, Select
 from grader.domain.pages.markup import plain_text
 from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
+from grader.experiments.lasting import explain_lasting_motion
+from grader.experiments.quantities import Floats
 from grader.experiments.regime import Reading, RegimeFailure, compare_runs
 from grader.experiments.runs import (
     LabRun,
@@ -19,6 +23,7 @@ from grader.experiments.runs import (
     format_readout,
     remove_display,
     run_experiment,
+    to_number,
 )
 from grader.numerics.integrators import INTEGRATORS
 from grader.numerics.scene import Scene
@@ -186,8 +191,8 @@ def _measure_outcomes(
         verify,
         to_the_end=to_claim(verify.criterion, verify.when).when == "end",
     )
-    if verify.criterion == "stable" and all(holds for holds, _ in outcomes) and lab.controller is None:
-        outcomes = [_check_growth(lab, xml, setting, outcomes[0])]
+    if verify.criterion == "stable" and all(holds for holds, _ in outcomes):
+        outcomes = [_check_growth(measuring, xml, setting, verify.seconds, outcomes[0])]
     return outcomes, regime
 
 
@@ -205,20 +210,42 @@ def _measure_outcome(lab: LabConfig, xml: str, setting: Setting, verify: ByOptio
     return holds, {"holds": holds, "final": format_readout(run.readouts[0][-1], None)}
 
 
-def _check_growth(lab: LabConfig, xml: str, setting: Setting, silent: Outcome) -> Outcome:
-    """Returns the outcome of a run without a warning: not stable if small motions certainly grow. Raises
-    RegimeFailure."""
+def _check_growth(lab: LabConfig, xml: str, setting: Setting, seconds: float | None, silent: Outcome) -> Outcome:
+    """Returns the outcome of a run without a warning: not stable if small motions certainly grow, or where that cannot
+    be told if only the timestep keeps the motion up. Raises RegimeFailure."""
     scene = build_lab_scene(lab, xml, setting)
     h, integrator = float(scene.model.opt.timestep), int(scene.model.opt.integrator)
-    growth = measure_silent_growth(scene, timestep_s=h, integrator=integrator)
-    grown = 0.0 if growth is None else silent[1]["seconds"] / h * log(growth)
-    if growth is None or grown < log(VISIBLE):
+    growth = None
+    if lab.controller is None:
+        growth = measure_silent_growth(scene, timestep_s=h, integrator=integrator)
+    if growth is None:
+        why = _explain_lasting_motion(lab, xml, setting, seconds, scene.model.nv)
+        return silent if why is None else _withdraw(silent, f"MuJoCo never warns, but {why}")
+    grown = silent[1]["seconds"] / h * log(growth)
+    if grown < log(VISIBLE):
         return silent
     why = f"MuJoCo never warns, but small motions about the equilibrium grow {growth:.6g} times a step"
     if grown < log(CERTAIN):
         cure = "the timestep is too near the limit for a run of this length; move it away"
         raise RegimeFailure("growth about the equilibrium", f"{why}: {cure}")
-    return False, {**silent[1], "stable": False, "growth": f"{why}: large ones are bounded"}
+    return _withdraw(silent, f"{why}: large ones are bounded")
+
+
+def _withdraw(silent: Outcome, growth: str) -> Outcome:
+    """Returns the outcome of a run without a warning that is not stable because of its `growth`."""
+    return False, {**silent[1], "stable": False, "growth": growth}
+
+
+def _explain_lasting_motion(lab: LabConfig, xml: str, setting: Setting, seconds: float | None, nv: int) -> str | None:
+    """Says that only the timestep keeps the motion of a setting up; None where it does not."""
+    config = remove_display(lab, *(f"data.qvel[{dof}]" for dof in range(nv)))
+
+    def read(variant: Variant) -> tuple[LabRun, Floats]:
+        variant = replace(variant, every_step=True)
+        run = run_experiment(config, xml, setting, seconds=seconds, variant=variant, keys={})
+        return run, np.array([[to_number(value) for value in series] for series in run.readouts])
+
+    return explain_lasting_motion(read) if nv else None
 
 
 def _describe_stability(run: LabRun) -> dict[str, Any]:

@@ -22,10 +22,14 @@ class VerifyPart(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+Reason = Annotated[str, Field(min_length=10, max_length=1000)]
+"""Why a key holds that simulation cannot tell."""
+
+
 class Way(VerifyPart):
     """What every way to derive a key has: why the author publishes the key though simulation cannot tell (`accept`)."""
 
-    accept: Annotated[str, Field(min_length=10, max_length=1000)] | None = None
+    accept: Reason | None = None
 
     @model_validator(mode="after")
     def _has_one_scene(self) -> Self:
@@ -195,6 +199,13 @@ class ByExpression(Way):
     xml: str | None = None
 
 
+class ByHand(Way):
+    """Derive nothing, neither by simulation nor from the words of the question: `accept` says why the key holds."""
+
+    by: Literal["hand"]
+    accept: Reason
+
+
 Verify = Annotated[
-    ByOptions | ByOutcome | ByStage | ByThreshold | ByMeasurement | ByExpression, Field(discriminator="by")
+    ByOptions | ByOutcome | ByStage | ByThreshold | ByMeasurement | ByExpression | ByHand, Field(discriminator="by")
 ]

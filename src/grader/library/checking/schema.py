@@ -52,6 +52,7 @@ PARTS: Mapping[str, type[BaseModel]] = {
     "servo": verify.ServoJoint,
     "measurement": verify.ByMeasurement,
     "expression": verify.ByExpression,
+    "hand": verify.ByHand,
 }
 """The class of a part beside the questions, by the last step of pydantic's location of it."""
 

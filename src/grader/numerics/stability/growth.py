@@ -72,10 +72,11 @@ def _compute_logs(moduli: Vector) -> Vector:
 
 
 def measure_silent_growth(scene: Scene, *, timestep_s: float, integrator: int) -> float | None:
-    """Returns the growth per step of small motions about the equilibrium of the motion that the exact motion lacks.
+    """Returns the growth per step of small motions about the equilibrium of the motion that the exact motion lacks; 1
+    where nothing grows.
 
-    None without an equilibrium, where nothing grows, where contacts or limits act in the equilibrium, as these push one
-    way only, or where MuJoCo cannot linearise the model.
+    None without an equilibrium, where contacts or limits act in it, as these push one way only, or where MuJoCo cannot
+    linearise the model.
     """
     try:
         resting = find_equilibrium_of_motion(scene)
@@ -83,12 +84,11 @@ def measure_silent_growth(scene: Scene, *, timestep_s: float, integrator: int) -
             return None
         moduli = compute_spectrum(resting, timestep_s=timestep_s, integrator=integrator)
         if not moduli[0] > 1 + RADIUS_NOISE:
-            return None
+            return 1.0
         exact = _compute_exact_growth(resting, timestep_s, integrator)
     except mujoco.FatalError:
         return None
-    numerical = float(moduli[_compute_logs(moduli) > CERTAINTY * exact].max(initial=1.0))
-    return numerical if numerical > 1 else None
+    return float(moduli[_compute_logs(moduli) > CERTAINTY * exact].max(initial=1.0))
 
 
 def _is_touching(resting: Scene) -> bool:
