@@ -370,6 +370,34 @@ def test_a_start_on_the_edge_is_told_whatever_direction_it_falls_to() -> None:
         assert (certificate.verdict, certificate.regime["failed"]) == ("cannot tell", "nudged starts"), certificate.why
 
 
+BLADE = """<mujoco><option gravity="0 0 0" timestep="0.002"/><worldbody>
+  <body><joint axis="0 0 1"/><geom type="box" size="1 .002 .05" mass="10"/></body>
+  <body pos="0 .8 0"><joint type="slide"/><joint type="slide" axis="0 1 0"/><geom size=".005" mass=".1"/></body>
+</worldbody></mujoco>"""
+BULLET = """<mujoco><option gravity="0 0 0" timestep="0.002"/><worldbody>
+  <body pos=".525 0 0"><geom name="wall" type="box" size=".002 .5 .5" contype="0" conaffinity="0"/></body>
+  <body><joint type="slide"/><geom name="ball" size=".005" mass=".1" contype="0" conaffinity="0"/></body></worldbody>
+  <contact><pair geom1="wall" geom2="ball" solref="-1e8 -2000" solimp=".99 .999 .001"/></contact></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("xml", "expr", "missed"),
+    [(BLADE, "Math.hypot(data.qvel[1], data.qvel[2])", 0), (BULLET, "data.qpos[0]", 2)],
+    ids=["a blade that turns", "a wall of a pair"],
+)
+def test_what_flies_through_at_the_own_timestep_is_not_certified(xml: str, expr: str, missed: float) -> None:
+    told = {"by": "measurement", "xml": xml, "setup": "data.qvel[0] = 100", "expr": expr, "seconds": 0.02}
+    assert certify(numeric(missed, 0.05, "", **told)).verdict == "refuted"
+
+
+def test_an_activation_at_its_limit_is_no_mode_of_the_motion() -> None:
+    held = """<mujoco><worldbody><body><joint name="j" type="slide"/><geom size=".1"/></body></worldbody><actuator>
+      <general joint="j" dyntype="integrator" actlimited="true" actrange="0 .5"/></actuator></mujoco>"""
+    told = {"by": "measurement", "xml": held, "setup": "data.ctrl[0] = 1", "expr": "data.act[0]", "when": "max"}
+    certificate = certify(numeric(0.5, 0.01, "", seconds=2, **told))
+    assert certificate.ok, certificate.why
+
+
 @pytest.mark.parametrize("timestep", ["any", "given"])
 def test_a_peak_that_still_grows_at_the_end_of_the_run_is_remarked(timestep: str) -> None:
     """A swing from 0 at 3 m/s with 5 rad/s has its peak, 0.6 m, after 0.314 s."""
