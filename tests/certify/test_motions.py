@@ -372,11 +372,13 @@ def test_a_start_on_the_edge_is_told_whatever_direction_it_falls_to() -> None:
 
 BLADE = """<mujoco><option gravity="0 0 0" timestep="0.002"/><worldbody>
   <body><joint axis="0 0 1"/><geom type="box" size="1 .002 .05" mass="10"/></body>
-  <body pos="0 .8 0"><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><geom size=".005" mass=".1"/></body>
+  <body pos="0 .8 0"><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/>
+    <geom size=".005" mass=".1"/></body>
 </worldbody></mujoco>"""
 BULLET = """<mujoco><option gravity="0 0 0" timestep="0.002"/><worldbody>
   <body pos=".525 0 0"><geom name="wall" type="box" size=".002 .5 .5" contype="0" conaffinity="0"/></body>
-  <body><joint type="slide" axis="1 0 0"/><geom name="ball" size=".005" mass=".1" contype="0" conaffinity="0"/></body></worldbody>
+  <body><joint type="slide" axis="1 0 0"/>
+    <geom name="ball" size=".005" mass=".1" contype="0" conaffinity="0"/></body></worldbody>
   <contact><pair geom1="wall" geom2="ball" solref="-1e8 -2000" solimp=".99 .999 .001"/></contact></mujoco>"""
 
 

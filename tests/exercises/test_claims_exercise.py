@@ -41,8 +41,8 @@ def pipeline() -> Iterator[Pipeline]:
         yield Pipeline(library, jail.run)
 
 
-def grade(pipeline: Pipeline, question: str, source: str) -> Verdict:
-    return pipeline.grade(QUIZ, question, {"source": source}, SEED)
+def grade(pipeline: Pipeline, question: str, source: str, seed: int = SEED) -> Verdict:
+    return pipeline.grade(QUIZ, question, {"source": source}, seed)
 
 
 @pytest.mark.jail
@@ -56,6 +56,39 @@ def test_a_program_is_judged_and_named_as_expected(path: Path, pipeline: Pipelin
     assert (diagnosis or "") in (verdict.diagnosis or "")
     assert all(len(row) == len(table["head"]) for table in verdict.evidence["tables"] for row in table["rows"])
     json.dumps(verdict.evidence, allow_nan=False)
+
+
+GRAZES = {"shaker": [1011, 1018, 1062], "ring": [2155035557301432]}
+"""Seeds of cases in which a peak grazes the band: the own timestep and its limit are half a swing apart."""
+
+AT_REST = """import mujoco, numpy as np
+def shake(model, data):
+    push = lambda t: 8 * np.sin(6 * t)
+    def run(seconds, force):
+        mujoco.mj_resetData(model, data)
+        q = []
+        for _ in range(round(seconds / model.opt.timestep)):
+            data.ctrl[0] = force(data.time)
+            mujoco.mj_step(model, data)
+            q.append(data.qpos[0])
+        return np.array(q)
+    steady = run(9, push)[round(6 / model.opt.timestep):]
+    q, rest = run(12, lambda t: 12), 12 / model.jnt_stiffness[0]
+    last = np.flatnonzero(abs(q - rest) > 2e-3)[-1]
+    return {"amplitude": np.ptp(steady) / 2, "settled": (last + 2) * model.opt.timestep, "rest": (rest, rest)}
+"""
+"""Settles about the exact place of rest, 12 N over the stiffness, and claims that place alone."""
+
+
+@pytest.mark.jail
+@pytest.mark.slow
+@pytest.mark.parametrize("question", GRAZES)
+def test_where_a_peak_grazes_the_band_either_settling_time_is_right(question: str, pipeline: Pipeline) -> None:
+    right = [path.read_text() for path in PROGRAMS if path.parent.name == question and path.stem.startswith("correct")]
+    for source in [*right, *[AT_REST] * (question == "shaker")]:
+        for seed in GRAZES[question]:
+            verdict = grade(pipeline, question, source, seed)
+            assert verdict.status == "correct", (seed, verdict.diagnosis)
 
 
 def test_there_are_enough_of_them() -> None:
