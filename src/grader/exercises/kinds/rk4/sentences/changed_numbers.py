@@ -8,6 +8,7 @@ import numpy as np
 from grader.exercises.kinds.rk4.combinations import Combination, Term, format_coefficient
 from grader.exercises.kinds.rk4.sentences.states import CUT_ATOL, moves_with
 from grader.exercises.kinds.rk4.sentences.tableaus import STAGES, spell_number
+from grader.exercises.kinds.rk4.step_trace import Rows, Step
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, Reading
 
 Combinations = Sequence[Combination | None]
@@ -18,8 +19,59 @@ CONSTANT_RTOL = 1e-10
 CUTS_MIN = 2
 """The fewest velocities of equal size that count as cut off."""
 
+SHARE_ATOL = 1e-12
+"""Round-off of a change of velocity that is a share of another, relative to the velocity."""
+
+EXACT, INEXACT = 1e-9, 1e-3
+"""Relative errors of a timestep: round-off, and the largest of two roundings to 16 bits."""
+
+WHOLE = 2
+"""The stage, counted from the second, that lies a whole step from the start."""
+
 DECIMALS = range(3, 13)
 """Decimals to which a state may be rounded."""
+
+
+def explain_inexact_timestep(reading: Reading) -> str | None:
+    """Returns the sentence of a classical step whose h is not model.opt.timestep, or nearly: it has lost digits."""
+    steps = [step for step in reading.steps if step.calls == STAGES]
+    shares = [read_shares(step) for step in steps]
+    if not steps or any(row is None for row in shares):
+        return None
+    timesteps = np.array([step.timestep_s for step in steps])
+    off = np.array(shares) - 1
+    largest = float(np.abs(off).max())
+    if not EXACT < largest <= INEXACT:
+        return None
+    more = off * timesteps[:, None]
+    if np.ptp(off) <= EXACT:
+        seen = f"is {1 + float(off.mean()):.9g} times model.opt.timestep"
+    elif np.ptp(more) <= EXACT * timesteps.min():
+        seen = (
+            f"is {abs(float(more.mean())):.3g} s {'longer' if more.mean() > 0 else 'shorter'} than model.opt.timestep"
+        )
+    else:
+        lengths = (1 + off[:, WHOLE]) * timesteps
+        rounded = {bits: timesteps.astype(f"float{bits}").astype(np.float64) for bits in (32, 16)}
+        bits = next((bits for bits in rounded if np.allclose(lengths, rounded[bits], rtol=EXACT, atol=0)), None)
+        seen = f"is off by up to {largest:.2g} of model.opt.timestep"
+        seen += "" if bits is None else f": it goes through {bits}-bit floats, as with np.float{bits}"
+    return f"Your h {seen}. Take h = model.opt.timestep as it is, a Python float."
+
+
+def read_shares(step: Step) -> Rows | None:
+    """Returns by how many timesteps each stage and the result of a classical step of four calls move velocities, over
+    as many as they should; None where they move in another way."""
+    shares = []
+    for row, weights in enumerate(CLASSICAL[1:], 2):
+        right = step.timestep_s * (np.array(weights) @ step.qacc[1 : len(weights) + 1])
+        change = step.qvel[row] - step.qvel[0]
+        share = float(right @ change) / (float(right @ right) or 1.0)
+        scale = 1 + float(np.abs(step.qvel[0]).max(initial=0.0)) + float(np.abs(change).max(initial=0.0))
+        if float(np.abs(change - share * right).max(initial=0.0)) > SHARE_ATOL * scale:
+            return None
+        shares.append(share)
+    return np.array(shares)
 
 
 def explain_truncated_slopes(reading: Reading) -> str | None:
