@@ -24,6 +24,11 @@ STEPS_MAX = 400_000
 """Steps that all variants may take together: 2 s of CPU time of a small model. Counted, so that load changes no
 verdict."""
 
+MISSING = re.compile(
+    r"(?P<what>The (?:option |flag )?(?P<attribute>\w+)(?: of .+?)?) is missing(?:, so that MuJoCo's default holds)?"
+)
+"""The begin of a sentence on an attribute that a variant leaves out."""
+
 SAME_MODEL = "The model does not depend on all of the numbers that the function gets."
 
 Judged = Sequence[JudgedTrial[Problem, ModelOutcome]]
@@ -61,7 +66,23 @@ def find_mistake(judged: Judged, run: Callable[[Job], RunReport]) -> Mistake | N
     if not 0 <= match < len(rows):
         return None
     variant = rows[match][0]
-    return Mistake(variant.sentence, find_line(judged[0].script.source, variant))
+    source = judged[0].script.source
+    return Mistake(tell_written(variant.sentence, source, variant), find_line(source, variant))
+
+
+def tell_written(sentence: str, source: str, variant: Variant) -> str:
+    """Returns the sentence of an attribute that is missing, for a source in which it is written: it has its default."""
+    missing = MISSING.match(sentence)
+    if missing is None:
+        return sentence
+    name = rf"name\s*=\s*[\"']{re.escape(variant.name)}[\"']" if variant.name else ""
+    tag = variant.tag or "option"
+    if not any(
+        re.search(rf"\b{missing['attribute']}\s*=", element) and re.search(name, element)
+        for element in re.findall(rf"<{re.escape(tag)}\s[^<>]*>", source)
+    ):
+        return sentence
+    return f"{missing['what']} is that which MuJoCo takes by default{sentence[missing.end() :]}"
 
 
 @cache
