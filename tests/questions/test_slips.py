@@ -51,7 +51,10 @@ def test_seconds_for_milliseconds() -> None:
         ),
         (5, "ms", "-0.005", "has the wrong sign and is off by a power of ten (a factor of 1000)"),
         (5, "ms", "-2.5", "has the wrong sign and is off by a factor of two"),
-        (5, "ms", "0.01", "off by a factor of two and by a power of ten"),
+        (5, "ms", "0.01", "is off by a factor of 500: look for a factor that is missing"),
+        (5, "ms", "1", "is off by a factor of 5: look"),
+        (5, "ms", "100", "is off by a factor of 20: look"),
+        (5, "ms", "0.1", "is off by a factor of 50: look"),
     ],
 )
 def test_known_slips(answer: float, unit: str | None, given: str, told: str) -> None:

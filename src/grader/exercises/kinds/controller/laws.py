@@ -10,7 +10,7 @@ from grader.exercises.episodes.simulating import Floats, Mask, Record
 EXACT = 1 - 1e-10
 """The share of the variance of the controls that a law explains which is written down: all but rounding."""
 
-ROUGH = 0.97
+ROUGH = 0.99
 """The share that is enough to tell the sign of a gain."""
 
 ROWS_MIN = 12

@@ -9,7 +9,7 @@ import numpy as np
 from grader.exercises.episodes.goals import measure_saturation
 from grader.exercises.episodes.judge import EpisodeOutcome
 from grader.exercises.episodes.parameters import Problem
-from grader.exercises.episodes.simulating import Record, list_widths
+from grader.exercises.episodes.simulating import Floats, Record, list_widths
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.controller.laws import ROUGH, FittedLaw, fit_law
 from grader.exercises.kinds.controller.parameters import ControllerParameters
@@ -34,6 +34,9 @@ SAME = 1e-6
 
 RESTS = 0.02
 """What an error is of the whole motion at least, and what moves at the end is of the error at most."""
+
+PLAIN = 0.3
+"""What a gain moves of the controls at least, where a law fits only roughly: less may make up for what is left out."""
 
 SATURATED = 0.5
 """The share of time at the actuator's limit that counts as most of it."""
@@ -159,14 +162,16 @@ def find_sentences(parameters: ControllerParameters, judged: Judged, record: Rec
         if law.differentiates and any(record.episode.noise.values()):
             yield NOISE
         yield from find_wrong_gains(parameters, judged.problem, law)
-        if law.integral * law.gains[track] > 0:
+        if law.integral * law.gains[track] > 0 and measure_shares(record, law)[track] > SAME:
             yield SUM_SIGN
         if law.integral and find_beyond(judged.problem, record) > 0.05:
             yield WIND_UP
     else:
         rough = fit_law(record, track=track, has_target=parameters.has_target, fits=ROUGH)
         if rough is not None and not rough.differentiates:  # a gain on changes makes up for one on values
-            wrong_signs = [SIGN.format(name=name) for name in parameters.law]
+            moves = measure_shares(record, rough)
+            columns = find_columns(parameters, judged.problem)
+            wrong_signs = [SIGN.format(name=name) for name in parameters.law if moves[columns[name]] > PLAIN]
             yield from (
                 sentence for sentence in find_wrong_gains(parameters, judged.problem, rough) if sentence in wrong_signs
             )
@@ -174,6 +179,12 @@ def find_sentences(parameters: ControllerParameters, judged: Judged, record: Rec
         yield SATURATES
     if law is not None and not law.integral and rests_beside_target(record):
         yield HANGS
+
+
+def measure_shares(record: Record, law: FittedLaw) -> Floats:
+    """Returns how much of the controls each observed number moves, by standard deviations."""
+    moved = record.observed.std(axis=0) * np.nan_to_num(np.abs(law.gains))
+    return np.asarray(moved / record.asked[:, 0].std())
 
 
 def rests_beside_target(record: Record) -> bool:
@@ -201,6 +212,8 @@ def find_wrong_gains(parameters: ControllerParameters, problem: Problem, law: Fi
     gains = {name: float(law.gains[columns[name]]) for name in parameters.law}
     for template in (SIGN, DEGREES, MISSING, LARGE, LITTLE):
         for name, gain in gains.items():
+            if template == MISSING and law.integral and name == parameters.track:  # its error is summed
+                continue
             if classify_gain(gain, *parameters.law[name], differentiated=law.differentiates) == template:
                 yield template.format(name=name)
 

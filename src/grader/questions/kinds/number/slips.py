@@ -76,12 +76,20 @@ TWO = Slip("is off by a factor of two", "look for a factor that is missing or co
 ANGLE = Slip("mixes up degrees and radians", "convert the angle")
 RECIPROCAL = Slip("is the reciprocal of what is asked", "swap numerator and denominator")
 SIGN_AND_TWO = Slip("has the wrong sign and is off by a factor of two", "check the signs first, then the factors")
-TWO_AND_TEN = Slip("is off by a factor of two and by a power of ten", "check the unit prefixes first, then the factors")
 
 
 def _ten(power: int, seen: str = "") -> Slip:
     factor = format_number(10.0**power)
     return Slip(f"{seen}is off by a power of ten (a factor of {factor})", "check the exponents and the unit prefixes")
+
+
+def _two_and_ten(ratio: float) -> Slip:
+    """A factor such as 5, 20 or 50, told as it is: whether it is a 5, or a 2 and a 10, nobody knows."""
+    factor = max(ratio, 1 / ratio)
+    decade = 10.0 ** math.floor(math.log10(factor) + 0.15)
+    nearest = min((2 * decade, 5 * decade, decade / 2), key=lambda each: abs(math.log(each / factor)))
+    seen = f"is off by a factor of {format_number(nearest)}"
+    return Slip(seen, "look for a factor that is missing or counted twice, and check the unit prefixes")
 
 
 def find_slip(given: Quantity, key: NumberKey) -> str | None:
@@ -159,7 +167,7 @@ def _double_slips(value: float, key: NumberKey) -> Iterator[Slip]:
     if power := _power_of_ten(-value, key):
         yield _ten(power, seen="has the wrong sign and ")
     if _power_of_ten(2 * value, key) or _power_of_ten(value / 2, key):
-        yield TWO_AND_TEN
+        yield _two_and_ten(key.answer / value)
 
 
 def _power_of_ten(value: float, key: NumberKey) -> int | None:
