@@ -33,6 +33,9 @@ DROPPED = [
     ("\n%%capture out\nx = 1\n%who", "\nx = 1\npass"),
     ("%%bash\nrm -rf /", ""),
     ("%%html\n<b>", ""),
+    ("%%writefile servo.py\nx = 1\n%who", "\nx = 1\npass"),
+    ("%%writefile -a 'my servo.py'\nx = 1", "\nx = 1"),
+    ("%%writefile notes.txt\nx is 1", ""),
 ]
 
 

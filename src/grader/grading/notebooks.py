@@ -12,6 +12,9 @@ from grader.errors import Unprocessable
 PYTHON_CELLS = frozenset({"capture", "prun", "time", "timeit"})
 """Cell magics whose cell is Python; a cell with another one, such as `%%bash`, is left out."""
 
+WRITES_PYTHON = re.compile(r"writefile\s.*\.py[\"']?\s*$")
+"""The cell magic of a cell that is written to a file of Python, and is Python as well."""
+
 TOKEN = re.compile(
     r'''"""(?:\\.|[^\\])*?"""|\'\'\'(?:\\.|[^\\])*?\'\'\''''
     r"""|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'"""
@@ -63,9 +66,9 @@ def read_grade_id(cell: dict[str, Any]) -> Any:
 def drop_magics(source: str) -> str:
     """Returns a cell with `pass` in place of each line that only IPython understands, so that lines keep their numbers.
     A line that begins with % inside brackets or a string is Python, and stays."""
-    cell_magic = re.match(r"\s*%%(\w+)[^\n]*", source)
+    cell_magic = re.match(r"\s*%%((\w+)[^\n]*)", source)
     if cell_magic is not None:
-        if cell_magic[1] not in PYTHON_CELLS:
+        if cell_magic[2] not in PYTHON_CELLS and not WRITES_PYTHON.match(cell_magic[1]):
             return ""
         source = source[cell_magic.end() :]
     parts, at, depth, is_start = list[str](), 0, 0, True
