@@ -59,7 +59,7 @@ def control_step(entry: Any, model: mujoco.MjModel, inputs: Mapping[str, Any]) -
     """Returns what calls `control(model, data)`, with a data of the student's own that is set to the state."""
     data = mujoco.MjData(model)
     ends = np.cumsum([1, model.nq, model.nv, model.na]).tolist()
-    state = {"seen": False}
+    state = {"seen": False, "returned": False}
 
     def step(values: Any) -> Any:
         data.time = values[0]
@@ -69,6 +69,8 @@ def control_step(entry: Any, model: mujoco.MjModel, inputs: Mapping[str, Any]) -
         returned = entry(model, data, *target)
         if not state["seen"]:
             state["seen"] = note_written(data, values, ends)
+        if returned is not None and not state["returned"] and data.ctrl.any():
+            state["returned"] = note("wrote", {"parts": ["ctrl"]})
         return data.ctrl.copy() if returned is None else returned
 
     return step

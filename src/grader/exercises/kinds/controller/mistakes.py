@@ -46,6 +46,10 @@ WRITES = (
     "the controls that you return, or leave in data.ctrl, act."
 )
 NOTHING = "The controls never change: the function does not use what it observes."
+RETURNS = (
+    "The function writes data.ctrl and returns a value, too: what it returns counts, and that never changes. Return "
+    "nothing, or the control itself."
+)
 CONSTANT = "The controls do not change during an episode: they must follow what is observed as it changes."
 TRUTH = (
     "The controls are 0 or 1 and nothing between, as what a comparison gives: return the control itself, not whether "
@@ -93,10 +97,9 @@ def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged])
     """Returns the sentence of the first mistake that explains the failed cases."""
     wrong = [trial for trial in judged if not trial.counts]
     written = [get_list(note.info, "parts") for trial in wrong for note in trial.trace.list_notes("wrote")]
-    if written:
-        known = [part for part in ("qpos", "qvel", "time") if part in written[0]]
-        if known:
-            return WRITES.format(parts=" and data.".join(known))
+    known = [[part for part in ("qpos", "qvel", "time") if part in parts] for parts in written]
+    if state := next(filter(None, known), None):
+        return WRITES.format(parts=" and data.".join(state))
     visible = [trial for trial in judged if not trial.hidden]
     is_tuned = bool(visible) and all(trial.counts for trial in visible)
     is_wrong_at_once = any(len(trial.judgement.outcome.records) == 1 for trial in wrong)
@@ -111,6 +114,8 @@ def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged])
     sentence = next(iter(sentences), None)
     if sentence == HANGS and ignores_target(parameters, judged):
         return MISSING.format(name="the target")
+    if sentence == NOTHING and any("ctrl" in parts for parts in written):
+        sentence = RETURNS
     return CONSTANT if sentence == NOTHING and not is_always_the_same(judged) else sentence
 
 
