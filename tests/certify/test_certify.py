@@ -471,6 +471,38 @@ def test_a_field_that_no_stage_fills_refutes_no_key() -> None:
     assert (certificate.verdict, certificate.key) == ("cannot tell", "verify.fills")
 
 
+SENSED = """<mujoco><option><flag energy="enable"/></option>
+<worldbody><body><joint name="j"/><geom size="0.1" pos="0.3 0 0.2"/><site name="at"/></body></worldbody>
+<sensor>{}</sensor></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("field", "sensor", "right"),
+    [("sensordata", '<jointpos joint="j"/>', 0), ("sensordata", '<jointvel joint="j"/>', 1),
+     ("sensordata", '<accelerometer site="at"/>', 3), ("energy", "", 0), ("cacc", '<accelerometer site="at"/>', 3)],
+)  # fmt: skip
+def test_what_sensors_and_energies_hold_is_filled_behind_its_stage(field: str, sensor: str, right: int) -> None:
+    verify = {"by": "stage", "fills": field, "xml": SENSED.format(sensor)}
+    raw = {"id": "s", "kind": "mcq", "q": "Which stage?", "options": STAGES, "answer": right}
+    certificate = certify(QUESTION.validate_python({**raw, "verify": verify}))
+    assert certificate.ok, certificate.why
+
+
+def test_an_input_of_a_step_is_told_as_one() -> None:
+    raw = {"id": "s", "kind": "mcq", "q": "Which stage?", "options": STAGES, "answer": 0}
+    certificate = certify(QUESTION.validate_python({**raw, "verify": {"by": "stage", "fills": "ctrl"}}))
+    assert "data.ctrl is an input of mj_step" in certificate.why
+
+
+def test_a_number_alone_is_no_derivation_and_an_array_no_number() -> None:
+    remarked = certify(numeric(42, 0.1, "m", by="expression", expr="42"))
+    assert [remark for remark in remarked.remarks if "a number alone" in remark]
+    told = {"by": "measurement", "xml": SENSED.format(""), "expr": "data.site_xpos", "when": "max", "seconds": 0.1}
+    refused = certify(numeric(42, 0.1, "m", **told))
+    assert (refused.verdict, refused.key) == ("cannot tell", "verify.expr")
+    assert "expr gives 3 numbers" in refused.why
+
+
 PUSH = {"by": "options", "settings": [{"push": 1}, {"push": 4}, {"push": 12}]}
 CLAIMS = ["data.qpos[0] > 3", "data.qpos[0] < 3", "data.timee"]
 

@@ -74,6 +74,8 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
     def measure(variant: Variant) -> tuple[LabRun, float]:
         run, value = read(variant, verify)
         if not isfinite(value):
+            if (size := np.asarray(run.readouts[0][-1], dtype=object).size) != 1:
+                raise RegimeFailure("finite", f"expr gives {size} numbers: choose one of them, as in expr[0]")
             what = "finite value" if verify.when in ("end", "max", "min", "mean") else verify.when.replace("_", " ")
             raise RegimeFailure("finite", f"the run has no {what}: make it longer, or mend expr")
         return run, value
@@ -85,7 +87,7 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
             others = {end: read(SAME, verify.model_copy(update={"seconds": end, "until": None}))[1] for end in ends}
             why = explain_unsettled(measure(SAME)[1], others, key.tolerance)
             certificate = _doubt(certificate, "settled", why)
-        return certificate
+        return _remark_number(certificate, verify.expr)
     except RegimeFailure as error:
         at = "verify.expr" if error.condition == "finite" else "verify"
         return refuse("measurement", key.answer, str(error), key=at, failed=error.condition)
@@ -236,4 +238,13 @@ def certify_expression(key: NumberKey, verify: ByExpression, model_xml: ModelXml
     value = evaluate(verify.expr, model, data, "verify.expr")
     if not isfinite(value):
         return refuse("expression", key.answer, f"the closed form gives {value}", key="verify.expr")
-    return certify_number("expression", key, value, 0.0, {"value": value})
+    return _remark_number(certify_number("expression", key, value, 0.0, {"value": value}), verify.expr)
+
+
+def _remark_number(certificate: Certificate, expr: str) -> Certificate:
+    """Remarks that an expression is a number alone."""
+    with suppress(ValueError):
+        float(expr)
+        remark = "verify.expr is a number alone, from which nothing is derived: write where it comes from."
+        return replace(certificate, remarks=(*certificate.remarks, remark))
+    return certificate

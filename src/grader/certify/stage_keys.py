@@ -24,6 +24,18 @@ CALLS = (
 )
 """The calls of mj_step in their order, for a model with the Euler integrator. Source: engine_forward.c of 3.14.0."""
 
+BEHIND = {
+    "mj_fwdPosition": ("mj_sensorPos", "mj_energyPos"),
+    "mj_fwdVelocity": ("mj_sensorVel", "mj_energyVel"),
+    "mj_fwdConstraint": ("mj_sensorAcc",),
+}
+"""The calls of mj_forward behind those of its stages, which fill sensors and energies."""
+
+INPUTS = frozenset(
+    {"ctrl", "qfrc_applied", "xfrc_applied", "eq_active", "mocap_pos", "mocap_quat", "userdata"}
+)  # fmt: skip
+"""Fields that mj_step reads, and does not write."""
+
 WORDS = {
     "position": "mj_fwdPosition",
     "velocity": "mj_fwdVelocity",
@@ -72,7 +84,11 @@ def certify_stage(key: OptionKey, verify: ByStage, model_xml: ModelXml) -> Certi
                   for call, (before, after) in zip(CALLS, observed, strict=True)},
     }  # fmt: skip
     if first == len(CALLS):
-        why = f"no stage of mj_step changes data.{verify.fills} in this model: name a `model` in which one does"
+        why = (
+            f"data.{verify.fills} is an input of mj_step, which no stage fills: ask for another field"
+            if verify.fills in INPUTS
+            else f"no stage of mj_step changes data.{verify.fills} in this model: name a `model` in which one does"
+        )
         return refuse("stage", key.answer, why, key="verify.fills", measured=measured)
     right = [i for i, stage in enumerate(stages) if stage == CALLS[first]]
     return certify_choice("stage", right, key.answer, key.options, measured)
@@ -99,7 +115,9 @@ def _observe(model: mujoco.MjModel, field: str, *, is_moving: bool) -> Observed:
     observed = []
     for name in CALLS:
         before = _shorten(data, field)
-        getattr(mujoco, name)(model, data)
+        for call in (name, *BEHIND.get(name, ())):
+            if "energy" not in call or model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_ENERGY:
+                getattr(mujoco, call)(model, data)
         observed.append((before, _shorten(data, field)))
     return observed
 

@@ -11,7 +11,7 @@ import numpy as np
 from grader.domain.lab import SECONDS_MAX
 from grader.experiments.ladder import Ladder
 from grader.experiments.quantities import Floats
-from grader.experiments.regime import Regime, check_regime
+from grader.experiments.regime import STEPS_MAX, Regime, check_regime
 from grader.experiments.runs import NUDGED, PROBES, LabRun, Variant
 
 UNCERTAINTY_SHARE = 0.2
@@ -75,12 +75,19 @@ def find_failure(ladder: Ladder, noise: float) -> tuple[str, str]:
     """Returns the condition because of which a number stays uncertain, and what the author may change."""
     if noise >= ladder.uncertainty:
         return "nudged starts", describe_noise(noise)
-    if ladder.missed >= 0.5 * ladder.uncertainty:
-        return "incommensurate timestep", (
+    is_missed = ladder.missed >= 0.5 * ladder.uncertainty
+    failed = "incommensurate timestep" if is_missed else "converged"
+    if ladder.regime.steps * 2 * ladder.finest > STEPS_MAX:
+        return failed, (
+            f"it still changes with the timestep, and a run takes {STEPS_MAX:,} steps at most: end it where the key is "
+            "read, with fewer seconds, or give a larger tol"
+        )
+    if is_missed:
+        return failed, (
             "a timestep that is no simple fraction of the others disagrees, as where a force changes faster than the "
             "timestep: shorten the model's timestep, or give a larger tol"
         )
-    return "converged", (
+    return failed, (
         "it still changes with the timestep: shorten the model's timestep, give a larger tol, or write "
         '"timestep": "given"'
     )
