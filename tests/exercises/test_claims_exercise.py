@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from grader.domain.quantities import QuantityName, Window
 from grader.domain.verdict import Verdict
 from grader.exercises import JudgedTrial, check_exercise, load_kinds, plan_exercise
+from grader.exercises.kinds.claims.driver import to_numbers
 from grader.exercises.kinds.claims.mistakes import name_the_mistake
 from grader.exercises.rehearsing import certify_exercise
 from grader.experiments.quantities import measure
@@ -95,6 +96,21 @@ def test_there_are_enough_of_them() -> None:
     statuses = Counter(path.stem.partition("__")[0] for path in PROGRAMS)
     assert statuses["correct"] >= 8
     assert statuses.total() - statuses["correct"] >= 25
+
+
+@pytest.mark.parametrize(
+    ("values", "read"),
+    [
+        ([1, 2.5, np.float32(3)], [1, 2.5, 3]),
+        ([1.5, True], None),
+        (["1", 2.0], None),
+        ([10**400], None),
+        ([np.nan, 1], None),
+    ],
+)
+def test_objects_that_are_plain_numbers_are_read_as_numbers(values: list[Any], read: list[float] | None) -> None:
+    numbers = to_numbers(np.array(values, dtype=object))
+    assert read is None if numbers is None else (numbers.tolist() == read and numbers.dtype == np.float64)
 
 
 TIMES = np.linspace(0, 20, 20_001)

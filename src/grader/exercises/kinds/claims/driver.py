@@ -37,6 +37,9 @@ def trial(
 
 MISSING = object()
 
+PLAIN = (int, float)
+"""The types of numbers that an array of objects may hold."""
+
 
 def start_data(model: mujoco.MjModel, start: Mapping[str, Any]) -> mujoco.MjData:
     """Returns a new data at the start of the case, forwarded."""
@@ -65,7 +68,9 @@ def to_numbers(value: Any) -> Any:
     """Returns finite real numbers as an array; None for anything else, such as texts and truth values."""
     try:
         array = np.asarray(value)
-    except (ValueError, TypeError):
+        if array.dtype.kind == "O" and all(type(one) in PLAIN or isinstance(one, np.number) for one in array.flat):
+            array = array.astype(np.float64)
+    except (ValueError, TypeError, OverflowError):
         return None
     if array.dtype.kind not in "iuf" or not np.isfinite(array).all():
         return None

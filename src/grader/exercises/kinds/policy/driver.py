@@ -150,7 +150,7 @@ def read_array(file: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, wanted: 
             f"such as numpy.asarray({name}, dtype=numpy.float32)."
         )
     if dtype.kind != "f":
-        raise WrongArrays(f"{name} holds {dtype.name} numbers instead of float32 or float64.")
+        raise WrongArrays(f"{name} holds {dtype.name} numbers instead of float32, or other floats.")
     if shape != wanted:
         raise WrongArrays(explain_shape(name, shape, wanted))
     with file.open(info) as stream:
