@@ -116,7 +116,8 @@ def _certify(key: AnswerKey, verify: Verify, model_xml: ModelXml) -> Certificate
             return certify_stage(key, verify, model_xml)
         case OptionKey(lab=LabConfig() as lab), ByOptions() | ByOutcome():
             return certify_prediction(key, lab, verify, model_xml)
-    return refuse(verify.by, key.answer, f"verify by {verify.by} does not fit a {key.kind} question")
+    cure = ": make it a predict question, whose sim it runs" if isinstance(verify, ByOptions | ByOutcome) else ""
+    return refuse(verify.by, key.answer, f"verify by {verify.by} does not fit a {key.kind} question{cure}")
 
 
 def _is_about_something_else(certificate: Certificate, key: AnswerKey) -> bool:

@@ -43,15 +43,17 @@ def build_quiz_schema() -> dict[str, Any]:
     unknown["properties"]["kind"], unknown["required"] = {"type": "string", "not": {"enum": [*lab_kinds()]}}, ["kind"]
     find(Quiz)["properties"]["$schema"] = {"type": "string", "description": "Where this schema is, for editors."}
     for part in find_objects(document):
-        if part.get("additionalProperties") is False:
+        if "additionalProperties" in part:
             part["patternProperties"] = REMARKS
+        if "propertyNames" in part:
+            part["propertyNames"] = {"anyOf": [{"pattern": "^x-"}, part["propertyNames"]]}
     return {"$schema": DRAFT, **refs[Quiz, "validation"], **document}
 
 
 def find_objects(schema: Any) -> Iterator[dict[str, Any]]:
     """Yields every part of a schema that describes an object."""
     parts = schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ()
-    if isinstance(schema, dict) and "properties" in schema and schema.get("type") == "object":
+    if isinstance(schema, dict) and schema.get("type") == "object":
         yield schema
     for part in parts:
         yield from find_objects(part)
