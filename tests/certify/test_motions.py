@@ -370,6 +370,17 @@ def test_a_start_on_the_edge_is_told_whatever_direction_it_falls_to() -> None:
         assert (certificate.verdict, certificate.regime["failed"]) == ("cannot tell", "nudged starts"), certificate.why
 
 
+def test_a_rate_of_peaks_above_0_is_remarked_where_the_swing_is_about_something_else() -> None:
+    """Damped by c/2m = 1/4 1/s, about 1 m."""
+    swing = {"by": "measurement", "xml": world(slide(joint='stiffness="50" damping="1" springref="1"')), "expr": X,
+             "setup": "data.qpos[0] = 1.5", "when": "decay_rate", "seconds": 6}  # fmt: skip
+    above = certify(numeric(0.1, 10, "1/s", **swing))
+    assert above.ok, above.why
+    assert [remark for remark in above.remarks if "the swing is about 1" in remark], above.remarks
+    about = certify(numeric(0.25, 0.005, "1/s", **swing, level=1))
+    assert about.ok and not about.remarks, about.why
+
+
 BLADE = """<mujoco><option gravity="0 0 0" timestep="0.002"/><worldbody>
   <body><joint axis="0 0 1"/><geom type="box" size="1 .002 .05" mass="10"/></body>
   <body pos="0 .8 0"><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/>

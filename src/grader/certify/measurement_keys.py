@@ -22,7 +22,7 @@ from grader.experiments.limits import (
     find_limit,
     list_other_ends,
 )
-from grader.experiments.quantities import WAVES, Floats, measure_waves
+from grader.experiments.quantities import WAVES, Floats, cut, estimate_rest, measure_waves
 from grader.experiments.quantities import measure as measure_quantity
 from grader.experiments.regime import Regime, RegimeFailure, describe_reset, explain_window
 from grader.experiments.runs import (
@@ -43,6 +43,9 @@ EMPTY = "<mujoco/>"
 
 EXTREMES = frozenset({"max", "min", "amplitude", "peak_to_peak"})
 """Quantities of the largest and the smallest value of a run, which a longer run may pass."""
+
+OFF_REST = 0.05
+"""The share of its whole motion by which the place about which something swings is not 0."""
 
 EARLY = 0.9
 """The part of a run without whose rest an extreme is found again."""
@@ -104,7 +107,7 @@ def _certify_run(key: NumberKey, verify: ByMeasurement, measure: Measure) -> Cer
     timestep_s = run.duration_s / max(run.steps, 1)
     certificate = replace(certificate, regime=regime | {"own timestep [s]": timestep_s, "round-off": noise})
     certificate = _require_alike_waves(certificate, key, verify, measure, 1)
-    certificate = _remark_growth(certificate, key, verify, run)
+    certificate = _remark_rest(_remark_growth(certificate, key, verify, run), verify, run)
     return _remark_last_stage(certificate, key, run, value, measure)
 
 
@@ -122,7 +125,7 @@ def _certify_motion(key: NumberKey, verify: ByMeasurement, measure: Measure) -> 
         checked["failed"] = limit.failed
     certificate = _compare_with_page(replace(certificate, regime=checked), key, verify, limit.regime, limit.own)
     certificate = _require_alike_waves(certificate, key, verify, measure, limit.ladder.finest)
-    certificate = _remark_growth(certificate, key, verify, limit.run)
+    certificate = _remark_rest(_remark_growth(certificate, key, verify, limit.run), verify, limit.run)
     return _remark_last_stage(certificate, key, limit.run, limit.own, measure)
 
 
@@ -157,6 +160,21 @@ def _remark_growth(certificate: Certificate, key: NumberKey, verify: ByMeasureme
     remark = (
         f"The {verify.when.replace('_', ' ')} changes by {change:.3g} in the last tenth of the run, so a longer run "
         "may give another: if the question asks for a peak, make verify.seconds longer."
+    )
+    return replace(certificate, remarks=(*certificate.remarks, remark))
+
+
+def _remark_rest(certificate: Certificate, verify: ByMeasurement, run: LabRun) -> Certificate:
+    """Remarks on a rate of peaks above 0 where what is measured swings about something else."""
+    if not certificate.ok or verify.when != "decay_rate" or verify.level is not None:
+        return certificate
+    times, values = cut(*read_series(run), verify)
+    rest = estimate_rest(times, values)
+    if abs(rest) <= OFF_REST * float(np.ptp(values)):
+        return certificate
+    remark = (
+        f"The peaks are taken above 0, and the swing is about {rest:.3g}: write that as verify.level if the question "
+        "asks for the decay of the swing."
     )
     return replace(certificate, remarks=(*certificate.remarks, remark))
 
