@@ -84,7 +84,7 @@ def _ten(power: int, seen: str = "") -> Slip:
 
 
 def _two_and_ten(ratio: float) -> Slip:
-    """A factor such as 5, 20 or 50, told as it is: whether it is a 5, or a 2 and a 10, nobody knows."""
+    """Returns the slip of a factor such as 5, 20 or 50: it may be one of 5, or one of 2 and one of 10."""
     factor = max(ratio, 1 / ratio)
     decade = 10.0 ** math.floor(math.log10(factor) + 0.15)
     nearest = min((2 * decade, 5 * decade, decade / 2), key=lambda each: abs(math.log(each / factor)))
