@@ -73,11 +73,11 @@ def compare(problem: Problem, claim: Claim, results: Results, index: int, measur
 
 def judge_numbers(claim: Claim, got: Floats, measured: MeasuredClaim) -> tuple[str, str]:
     """Returns what is wrong with a number or a curve: without numbers, and with."""
+    allowed = claim.allow(measured.values) + measured.uncertainty
+    if any(compute_size(claim, got - right) <= allowed for right in measured.rights):
+        return "", ""
     off = got - measured.values
     size = compute_size(claim, off)
-    allowed = claim.allow(measured.values) + measured.uncertainty
-    if any(size <= allowed for size in (size, *(compute_size(claim, got - other) for other in measured.others))):
-        return "", ""
     worst = off[int(np.abs(off).argmax())]
     where = "" if len(off) == 1 else "in places " if not (np.all(off > 0) or np.all(off < 0)) else "everywhere "
     why = f"{capitalize(claim.label)} is {where}too {'high' if worst > 0 else 'low'}."
@@ -93,13 +93,12 @@ def compute_size(claim: Claim, off: Floats) -> float:
 def judge_interval(claim: Claim, got: Floats, measured: MeasuredClaim) -> tuple[str, str]:
     """Returns what is wrong with an interval: without numbers, and with."""
     low, high = float(got[0]), float(got[1])
-    rights = [float(values[0]) for values in (measured.values, *measured.others)]
     right, around = float(measured.values[0]), claim.allow(measured.values) + measured.uncertainty
     assert claim.width is not None
     if low > high:
         return f"{capitalize(claim.label)}: the lower end comes first.", ""
     slack = around if claim.rule == "overlaps" else measured.uncertainty
-    if not any(low - slack <= each <= high + slack for each in rights):
+    if not any(low - slack <= float(each[0]) <= high + slack for each in measured.rights):
         return f"{capitalize(claim.label)}: the interval lies too {'high' if low > right else 'low'}.", ""
     if high - low > claim.width * (1 + 1e-9):
         asked = f"{claim.width:g}{prefix_unit(claim)}"

@@ -53,6 +53,11 @@ class MeasuredClaim:
     finest: tuple[float, ...] = ()
     others: tuple[Floats, ...] = ()
 
+    @property
+    def rights(self) -> tuple[Floats, ...]:
+        """All numbers that are right."""
+        return self.values, *self.others
+
 
 def read_series(experiment: Experiment, exprs: Sequence[str], variant: Variant) -> tuple[LabRun, Floats]:
     """Returns a run with a frame for every step, and what the expressions gave: (frames, expressions). Raises
