@@ -74,7 +74,7 @@ def _accept(certificate: Certificate, reason: str) -> Certificate:
     """Accept a key that simulation cannot tell, for the author's reason; a remark where it can be told."""
     if certificate.ok:
         remark = "Simulation certifies this key: verify.accept is no longer needed."
-        return replace(certificate, remarks=(*certificate.remarks, remark))
+        return certificate.with_remark(remark)
     return replace(certificate, accepted=reason) if certificate.verdict == "cannot tell" else certificate
 
 
@@ -101,7 +101,7 @@ def _remark_other_model(certificate: Certificate, key: AnswerKey) -> Certificate
     if measured is None or shown is None or measured == shown:
         return certificate
     remark = f"The key is measured of the model {measured}, and the simulation of the question shows {shown}."
-    return replace(certificate, remarks=(*certificate.remarks, remark))
+    return certificate.with_remark(remark)
 
 
 def _certify(key: AnswerKey, verify: Verify, model_xml: ModelXml) -> Certificate:

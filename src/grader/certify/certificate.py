@@ -1,7 +1,7 @@
 """Certificate: the result of deriving an answer key again by simulation, with the measurements."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from grader.experiments.limits import UNCERTAINTY_SHARE
@@ -47,6 +47,10 @@ class Certificate:
     def is_publishable(self) -> bool:
         """Whether the key is certified, or cannot be told and is accepted in writing."""
         return self.ok or (self.verdict == "cannot tell" and self.accepted is not None)
+
+    def with_remark(self, remark: str) -> "Certificate":
+        """Returns the certificate with one more remark."""
+        return replace(self, remarks=(*self.remarks, remark))
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON."""

@@ -161,7 +161,7 @@ def _remark_growth(certificate: Certificate, key: NumberKey, verify: ByMeasureme
         f"The {verify.when.replace('_', ' ')} changes by {change:.3g} in the last tenth of the run, so a longer run "
         "may give another: if the question asks for a peak, make verify.seconds longer."
     )
-    return replace(certificate, remarks=(*certificate.remarks, remark))
+    return certificate.with_remark(remark)
 
 
 def _remark_rest(certificate: Certificate, verify: ByMeasurement, run: LabRun) -> Certificate:
@@ -176,7 +176,7 @@ def _remark_rest(certificate: Certificate, verify: ByMeasurement, run: LabRun) -
         f"The peaks are taken above 0, and the swing is about {rest:.3g}: write that as verify.level if the question "
         "asks for the decay of the swing."
     )
-    return replace(certificate, remarks=(*certificate.remarks, remark))
+    return certificate.with_remark(remark)
 
 
 def _remark_last_stage(
@@ -192,7 +192,7 @@ def _remark_last_stage(
         f"After a step of RK4 data holds quantities of its last stage: the course's page shows {page:.6g}, and "
         f"the state has {own:.6g}."
     )
-    return replace(certificate, remarks=(*certificate.remarks, remark))
+    return certificate.with_remark(remark)
 
 
 def _compare_with_page(
@@ -218,7 +218,7 @@ def _compare_with_page(
         f"The own timestep, {regime.timestep_s:.6g} s, is too long for the fastest motion, {regime.fastest:.3g} 1/s: "
         f"the key was derived at timesteps {regime.first:g} times shorter, and a page shows {own:.6g}."
     )
-    return replace(certificate, remarks=(*certificate.remarks, remark))
+    return certificate.with_remark(remark)
 
 
 def measure_series(run: LabRun, verify: ByMeasurement) -> float:
@@ -264,5 +264,5 @@ def _remark_number(certificate: Certificate, expr: str) -> Certificate:
     with suppress(ValueError):
         float(expr)
         remark = "verify.expr is a number alone, from which nothing is derived: write where it comes from."
-        return replace(certificate, remarks=(*certificate.remarks, remark))
+        return certificate.with_remark(remark)
     return certificate
