@@ -318,6 +318,15 @@ def test_what_a_script_makes_a_driver_raise_is_the_scripts(
 
 @pytest.mark.slow
 @pytest.mark.process
+def test_a_script_that_exits_runs_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scripts = {**RIGHT, "crashed__exits": "def w(x):\n    return 2 * x\n\n\nraise SystemExit(0)\n"}
+    done = run_check(tmp_path, monkeypatch, Double, scripts)
+    assert json.loads(done.stdout)["faults"] == []
+    assert "called exit()" not in done.stderr, "a second run was needed"
+
+
+@pytest.mark.slow
+@pytest.mark.process
 def test_a_kind_that_declares_its_cases_keeps_their_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Cases(ExerciseParameters):
         cases: tuple[Case, ...]

@@ -15,7 +15,9 @@ from grader.exercises.running.planning import Plan
 from grader.exercises.running.trials import select_results
 from grader.questions.kinds.script import ScriptQuestion
 
-OF_SCRIPTS = ("the script defines no function", "holds a number that is not finite", ", in line ", "(line ")
+OF_SCRIPTS = (
+    "defines no function", "script called exit()", "holds a number that is not finite", ", in line ", "(line "
+)  # fmt: skip
 """What is said of exceptions of which it is clear that they are the script's: they need no second run."""
 
 log = structlog.get_logger()
