@@ -231,6 +231,26 @@ def test_an_extension_adds_attempts(exam: Callable[..., Site]) -> None:
     assert [hand_in(ann, "q1", answer).status_code for answer in (1, 1)] == [201, 409]
 
 
+def test_an_extension_finds_who_bears_the_name_and_makes_nobody(exam: Callable[..., Site]) -> None:
+    site = exam(attempts=1)
+    lms, tina = site.client("lms", "service"), site.client("tina", "instructor")
+    for number, name in enumerate(("Ada L", "Bo B", "Bo B")):
+        learner = {"namespace": "school", "id": str(number), "name": name}
+        answer = {"learner": learner, "quiz": "small", "question": "q1", "answer": 0}
+        assert lms.post(f"{API}/lms/submissions", json=answer).status_code == 201
+    members = tina.get(f"{API}/members").json()["items"]
+    path = f"{API}/quizzes/small/extensions"
+    given = tina.put(path, json={"user": "Ada L", "attempts": 1}).json()
+    assert given["learner"] == next(member["id"] for member in members if member["name"] == "Ada L")
+    unknown = tina.put(path, json={"user": "Adda", "attempts": 1})
+    assert (unknown.status_code, "'Adda'" in unknown.json()["detail"]) == (404, True)
+    several = tina.put(path, json={"user": "Bo B", "attempts": 1})
+    assert several.status_code == 422
+    last = several.json()["detail"].rstrip(".").split()[-1]
+    assert tina.put(path, json={"user": last, "attempts": 1}).json()["learner"] == last
+    assert tina.get(f"{API}/members").json()["items"] == members
+
+
 @pytest.mark.parametrize(
     "body", [{}, {"user": ""}, {"user": "a", "attempts": -1}, {"user": "a", "due": "2026-03-01T12:00"}, {"user": "a\0"}]
 )

@@ -320,6 +320,9 @@ def test_an_extension_is_given_and_taken_back(tmp_path: Path) -> None:
         with database.read() as session:
             return extensions.list_of_learner(session, DEFAULT_COURSE, ada(session), ["1.3-check"])
 
+    unknown = extend("--attempts", "1")
+    assert (unknown.returncode, "has the name 'ada'" in unknown.stderr) == (2, True)
+    assert grader("invite", "ada", "--data", str(tmp_path)).returncode == 0
     given = extend("--attempts", "1", "--due", "2026-10-26T18:00+01:00")
     assert (given.returncode, json.loads(given.stdout)["attempts"]) == (0, 1)
     assert kept() == {"1.3-check": Extension(attempts=1, due=datetime(2026, 10, 26, 17, tzinfo=UTC))}

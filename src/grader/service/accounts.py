@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 from sqlalchemy.orm import Session
 
 from grader.courses.people import members
-from grader.courses.people.identity import Role
+from grader.courses.people.identity import DEFAULT_COURSE, Role
 from grader.courses.people.sign_in import create_sign_in_code
 from grader.courses.people.tokens import revoke_all
 from grader.domain.policy import Extension
@@ -66,14 +66,15 @@ def tell_addresses(settings: Settings, jail: Mapping[str, Any]) -> None:
 
 
 def give_extension(settings: Settings, key: tuple[str | None, str, str], granted: Extension) -> None:
-    """Gives (course, quiz, user) an extension. Raises NotFound if the course has no such quiz, and Unprocessable."""
+    """Gives (course, quiz, user) an extension. Raises NotFound if the course has no such quiz or member, and
+    Unprocessable."""
     from grader.courses.answering import results  # it loads MuJoCo, which the other functions do not need
     from grader.library import load
 
     course, quiz, user = key
 
     def give(database: Database, session: Session) -> None:
-        learner = members.get_named(session, user, Role.STUDENT, course)
+        learner = members.find_named(session, user, course or DEFAULT_COURSE)
         library = load(settings.courses.get(learner.course, settings.content))
         results.grant(database, library, session, learner, quiz, granted=granted, by=None)
 

@@ -112,6 +112,12 @@ def count(session: Session, course: str, wanted: MemberFilter = ALL_MEMBERS) -> 
     return session.scalar(select(func.count()).select_from(Member).where(*wanted.select_in(course))) or 0
 
 
+def list_bearers(session: Session, course: str, name: str) -> Sequence[Member]:
+    """The members of a course who bear a name, by id; removed ones are left out."""
+    here = (Member.course == course, Member.name == name, Member.removed_at.is_(None))
+    return session.scalars(select(Member).where(*here).order_by(Member.id)).all()
+
+
 def count_bearers(session: Session, course: str, name: str) -> int:
     """How many members of a course bear a name; removed ones do not count."""
     here = (Member.course == course, Member.name == name, Member.removed_at.is_(None))

@@ -9,8 +9,8 @@ from sqlalchemy.orm import Session
 from grader.api.paging import NO_NUL, Page
 from grader.api.views import ExtensionView, GivenExtension
 from grader.courses.answering import publication, results
-from grader.courses.people.identity import Identity, Role
-from grader.courses.people.members import get_named, require_reach
+from grader.courses.people.identity import Identity
+from grader.courses.people.members import find_named, require_reach
 from grader.domain.policy import Extension
 from grader.errors import NotFound
 from grader.gate.callers import Instructor, api_router
@@ -24,7 +24,7 @@ router = api_router("dates")
 
 class ExtensionBody(Extension):
     """An extension for one learner; without dates and attempts it takes an earlier one back. The learner is named by
-    `learner`, the id, or by `user`, a name that an instructor or operator gave."""
+    `learner`, the id, or by `user`, a name that nobody else in the course has."""
 
     learner: str | None = Field(default=None, max_length=32, pattern=NO_NUL)
     user: str | None = Field(default=None, min_length=1, max_length=NAME, pattern=NO_NUL)
@@ -62,14 +62,16 @@ def put_extension(quiz_id: str, body: ExtensionBody, who: Instructor, services: 
 
 
 def find_learner(session: Session, body: ExtensionBody, who: Identity) -> Member:
-    """The learner whom the body names. Raises NotFound for an unknown id, Unprocessable, and Forbidden. A restricted
-    token extends students alone, and brings back nobody who was removed."""
+    """The learner whom the body names. Raises NotFound, Unprocessable where several have the name, and Forbidden: a
+    restricted token extends students alone."""
     if body.learner is None:
-        return get_named(session, body.user or "", Role.STUDENT, who.course, by=who)
-    if member := people.get(session, body.learner, who.course):
-        require_reach(who, member.role)
-        return member
-    raise NotFound("There is no such member.")
+        member = find_named(session, body.user or "", who.course)
+    elif (found := people.get(session, body.learner, who.course)) is None:
+        raise NotFound("There is no such member.")
+    else:
+        member = found
+    require_reach(who, member.role)
+    return member
 
 
 @router.put("/quizzes/{quiz_id}/publication", status_code=204, responses=refusals(401, 403, 404, 422, 429))

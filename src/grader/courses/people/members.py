@@ -58,6 +58,20 @@ def get_named(
     return get_with_account(session, f"name:{name}", name, role, course)
 
 
+def find_named(session: Session, name: str, course: str) -> Member:
+    """Returns the only member who bears this name, however they came to the course; the name may also be an id. Raises
+    NotFound, and Unprocessable where several bear it."""
+    bearers = people.list_bearers(session, course, check_name("user", name))
+    if not bearers and (member := people.get(session, name, course)):
+        return member
+    if not bearers:
+        raise NotFound(f"Nobody in the course {course!r} has the name {name!r}: see the page People, or GET /members.")
+    if len(bearers) > 1:
+        ids = ", ".join(member.id for member in bearers)
+        raise Unprocessable(f"{len(bearers)} members have the name {name!r}: give an id in its place, one of {ids}.")
+    return bearers[0]
+
+
 def other_roles(some: Sequence[Member]) -> str:
     """Says why these members get no link and no token for another role than theirs."""
     each = ", ".join(f"{member.name} ({member.role})" for member in some)
