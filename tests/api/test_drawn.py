@@ -33,8 +33,11 @@ def shared_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 
 def asked(client: httpx.Client) -> str:
     """The question as this person sees it."""
-    shown = client.get(f"{API}/quizzes/{QUIZ}").json()["questions"]
-    return next(str(one["q"]) for one in shown if one["id"] == SPEED)
+    return str(find_question(client.get(f"{API}/quizzes/{QUIZ}").json())["q"])
+
+
+def find_question(quiz: dict[str, Any]) -> dict[str, Any]:
+    return next(question for question in quiz["questions"] if question["id"] == SPEED)
 
 
 def angle_in(text: str) -> float:
@@ -108,6 +111,18 @@ def test_another_system_hands_in_for_its_learner(site: Site) -> None:
     angle = first["verdict"]["evidence"]["drawn"]["angle"]
     right = lms.post(f"{API}/lms/submissions", json=body | {"answer": right_at(angle)}).json()
     assert right["verdict"]["status"] == "correct"
+
+
+def test_another_system_shows_its_learner_the_numbers_that_it_is_graded_by(site: Site) -> None:
+    lms = site.client("lms", "service")
+    learner = {"learner": {"namespace": "school", "id": "s2"}}
+    shown = lms.post(f"{API}/lms/quizzes/{QUIZ}:show", json=learner).json()
+    angle = angle_in(find_question(shown)["q"])
+    verdict = lms.post(f"{API}/lms/submissions", json={**AT, **learner, "answer": right_at(angle)}).json()["verdict"]
+    assert (verdict["status"], verdict["evidence"]["drawn"]) == ("correct", {"angle": angle})
+    again = lms.post(f"{API}/lms/quizzes/{QUIZ}:show", json=learner).json()
+    assert (angle_in(find_question(again)["q"]), find_question(again)["attempts_used"]) == (angle, 1)
+    assert lms.post(f"{API}/lms/quizzes/none:show", json=learner).status_code == 404
 
 
 def test_a_stored_seed_repeats_the_numbers_whoever_reads_it_again() -> None:

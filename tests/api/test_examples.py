@@ -160,6 +160,8 @@ def record_answers(scene: Scene) -> None:
     scene.record(ada, "GET /submissions", params={"limit": 1})
     lab = {"quiz": "small", "question": "q3", "controls": {"step": 0.01}, "seconds": 0.02}
     scene.record(ada, "POST /labs:run", json=lab)
+    named = {"learner": LEARNER_AT_SCHOOL}
+    scene.record(scene.lms, "POST /lms/quizzes/{quiz_id}:show", quiz_id="homework", json=named)
     theirs = scene.record(scene.lms, "POST /lms/submissions", 201, json={**NUMBER, "learner": LEARNER_AT_SCHOOL})
     scene.record(scene.lms, "POST /lms/submissions", 202, json={**SCRIPT, "learner": LEARNER_AT_SCHOOL})
     scene.record(scene.lms, "GET /lms/submissions/{submission_id}", submission_id=theirs["id"])

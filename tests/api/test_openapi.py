@@ -96,7 +96,7 @@ def test_every_route_of_the_api_may_refuse_and_be_away(document: dict[str, Any])
 OPERATIONS = """
 quizzes: list_quizzes show_quiz reload_content download_kit
 submissions: create_submission list_submissions show_films show_submission stop_submission validate_answer follow_events
-    create_submission_on_behalf show_submission_on_behalf
+    create_submission_on_behalf show_submission_on_behalf show_quiz_on_behalf
 labs: run_lab
 devices: begin_device get_device_token
 reviews: list_reviews list_disagreements claim_review prolong_claim release_claim recompute_reviews show_review

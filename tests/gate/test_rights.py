@@ -64,6 +64,7 @@ PLATFORM = {
 BODIES: dict[str, Any] = {
     "POST /submissions": ANSWER,
     "POST /answers:validate": ANSWER,
+    "POST /lms/quizzes/{quiz_id}:show": {"learner": {"namespace": "school", "id": "s1"}},
     "POST /lms/submissions": {**ANSWER, "learner": {"namespace": "school", "id": "s1"}},
     "POST /labs:run": {"quiz": "small", "lab": "five"},
     "POST /reviews:claim": {"submission_id": "{submission_id}"},

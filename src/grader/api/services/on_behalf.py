@@ -1,4 +1,4 @@
-"""`/lms/submissions`: answers that another service hands in for learners whom it knows."""
+"""`/lms`: answers that another service hands in for learners whom it knows, and the quizzes as these see them."""
 
 from collections.abc import Callable, Coroutine
 from dataclasses import replace
@@ -11,6 +11,7 @@ from pydantic import Field
 from starlette.exceptions import HTTPException
 
 from grader.api.bodies import RequestBody
+from grader.api.learning.quizzes import view_quiz
 from grader.api.learning.submissions import (
     SECURITY,
     AnswerBody,
@@ -21,6 +22,7 @@ from grader.api.learning.submissions import (
     read_answer,
     respond_created,
 )
+from grader.api.views import QuizView
 from grader.courses.answering.intake import NewAnswer
 from grader.courses.people.external import External, check_external, find_learner
 from grader.courses.people.identity import Identity, Role
@@ -41,6 +43,12 @@ class LearnerBody(RequestBody):
     namespace: str = Field(max_length=NAMESPACE)
     id: str = Field(max_length=EXTERNAL_ID)
     name: str | None = Field(default=None, max_length=NAME)
+
+
+class LearnerOnlyBody(RequestBody):
+    """Names a learner of another system."""
+
+    learner: LearnerBody
 
 
 class OnBehalfBody(AnswerBody):
@@ -103,6 +111,15 @@ def read_answer_of(
         return read_answer(services, member, body, key)
     answer = read_answer(services, who, body, key)
     return replace(answer, who=find_learner(services.database, who, learner, body.learner.name))
+
+
+@router.post("/lms/quizzes/{quiz_id}:show", response_model=QuizView, responses=refusals(401, 403, 404, 413, 422, 429))
+def show_quiz_on_behalf(quiz_id: str, body: LearnerOnlyBody, who: Service, services: AppServices) -> dict[str, Any]:
+    """Shows one quiz as a learner sees it, with their own drawn numbers and the attempts that they have used. They
+    become a member at first sight. Raises Forbidden for one who was removed."""
+    services.content.get(who.course).library.quiz(quiz_id)
+    learner = check_external(body.learner.namespace, body.learner.id)
+    return view_quiz(quiz_id, find_learner(services.database, who, learner, body.learner.name), services)
 
 
 @router.get(
