@@ -128,6 +128,15 @@ def test_one_comment_reaches_all_who_still_make_a_mistake(desk: Page, settings: 
     assert len({comment.submission_id for comment in kept}) == len(kept) == count
 
 
+def test_no_count_is_of_mistakes_without_a_name(desk: Page) -> None:
+    desk.goto("/instructor/class/1.3-exercises/servo-explain")
+    expect(desk.get_by_text("Another mistake").first).to_be_attached()  # in the list
+    assert "one mistake" not in desk.get_by_role("heading", level=1).inner_text()
+    assert "“Another mistake.”" not in desk.locator("main").inner_text()
+    desk.goto("/instructor/class/1.3-exercises/servo-explain/slides")
+    assert "Another mistake" not in desk.locator("main").inner_text()
+
+
 def test_the_statistics_lead_from_a_count_to_its_learners(desk: Page) -> None:
     desk.goto("/instructor/statistics?quiz=1.3-check")
     for link in [one.get_attribute("href") or "" for one in desk.locator(".counted a").all()]:

@@ -1,4 +1,4 @@
-# diagnosis: Place of rest: the interval is too wide
+# diagnosis: The interval for place of rest is too wide
 import mujoco
 import numpy as np
 

@@ -9,6 +9,9 @@ from typing import Any, NamedTuple
 ROUNDING = 1e-3
 """How far a bracket may miss a limit, relative to it: evidence is rounded."""
 
+RIGHT = "right"
+"""What the line is called where each learner has a right number of their own: all stand in its multiples."""
+
 
 class Position(NamedTuple):
     """Where an answer lies: a bracket, or a number, whose ends are equal. `low` is NaN where there is no number, such

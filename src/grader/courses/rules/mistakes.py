@@ -12,8 +12,12 @@ from grader.domain.verdict import Status
 CLAUSE = re.compile(r"[:;(]\s|\.(?:\s|$)|, (?:although|which|but|where|in line \d)")
 """Where the first clause of a sentence ends: what follows explains or mends."""
 
+HANGING = re.compile(r", (?:although|which|where|in line \d)")
+"""Where a clause begins that is no sentence without the one before."""
+
 PLACE = re.compile(
-    r"(?![A-Z])(?:(?!\. )[^:\n]){1,120}: (?=[A-Z])|(?:(?!\. )[^:\n]){1,120}: (?=(?:your|each) number\b)|[a-z_]\w*: "
+    r"(?![A-Z])(?:(?!\. )[^:\n]){1,120}: (?=[A-Z]|\w+\.\w+\()"
+    r"|(?:(?!\. )[^:\n]){1,120}: (?=(?:your|each) number\b)|[a-z_]\w*: "
 )
 """Where a mistake was made, before the sentence on it: a case's title, a function's name, the label of a number."""
 
@@ -23,8 +27,13 @@ COUNTED = re.compile(r"[A-Z]\w{2,9} things are wrong\. First: ")
 VARYING = re.compile(r"\b\d[\d.,]*\b|'[^']{1,80}'|`[^`]{1,80}`|\b\w*_\w+\b")
 """What two sentences on one mistake may differ in: numbers, quoted text, names of variables."""
 
-OF_ONE_SCRIPT = re.compile(r"^(?:[^:\n]{1,200}: )?[A-Z]\w{0,60}(?:Error|Exception)\b|\b[Ll]ine \d")
-"""A sentence that quotes a script: its error, or a line."""
+OF_ONE_SCRIPT = re.compile(
+    r"^(?:[^:\n]{1,200}: )?[A-Z]\w{0,60}(?:Error|Exception)\b|\b[Ll]ine \d|cannot compile the model|\(\d+ more\)"
+)
+"""A sentence that quotes a script: its error, a line, or the first of all that differs."""
+
+WORD = re.compile(r"(?:a|[a-z]{2,})(?=[\s,:;.]|$)(?!\.\w)")
+"""A word at the beginning, rather than code: `k3`, `data.act`, `q`."""
 
 ENDS = {
     Status.CRASHED: "Ended with an error",
@@ -68,6 +77,11 @@ class Family:
     def learners(self) -> int:
         """How many have made it."""
         return len(self.still) + len(self.was)
+
+    @property
+    def is_named(self) -> bool:
+        """Whether it is one mistake, and not all for which the grader has no sentence."""
+        return self.name != OTHER
 
 
 def name_mistake(status: str, diagnosis: str | None) -> Mistake | None:
@@ -119,9 +133,13 @@ def group_mistakes(attempts: Mapping[str, Sequence[tuple[str, Mistake | None]]])
 
 
 def find_cure(sentence: str) -> str:
-    """Returns what a sentence on a mistake says after its first clause: how it is mended. Empty where it ends there,
-    and for an error, whose sentence is about the words of one script."""
+    """Returns what a sentence on a mistake says after its first clause, in whole sentences: how it is mended. Empty
+    where it ends there, and for an error, whose sentence is about the words of one script."""
     text = drop_place(sentence)
     match = None if OF_ONE_SCRIPT.search(sentence) else CLAUSE.search(text)
+    while match is not None and HANGING.match(match[0]):
+        match = CLAUSE.search(text, match.end())
     rest = "" if match is None else text[match.end() :].strip()
-    return rest[:1].upper() + rest[1:] if len(rest) > 1 else ""
+    if len(rest) <= 1:
+        return ""
+    return rest[:1].upper() + rest[1:] if WORD.match(rest) else rest

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from grader.domain.axes import ClassAxis, Placed, Position, list_findings, place_number, read_number, read_passed
+from grader.domain.axes import RIGHT, ClassAxis, Placed, Position, list_findings, place_number, read_number, read_passed
 from grader.exercises import find_placing
 from grader.questions import NumberKey, Question, kind_of
 from grader.questions.drawing import is_drawn
@@ -59,7 +59,7 @@ def place_ratios(keys: Sequence[tuple[NumberKey, str]], verdict: Mapping[str, An
     for place, ((key, name), (finding, number)) in enumerate(zip(keys, given, strict=True)):
         right = read_number(finding.get("expected"))
         around = key.tolerance / abs(key.answer) if key.answer else 0.0
-        axis = ClassAxis(f"n{place}", name or ONE, "", (1 - around, 1 + around), measure=TIMES, line="right")
+        axis = ClassAxis(f"n{place}", name or ONE, TIMES, (1 - around, 1 + around), line=RIGHT)
         yield axis, place_number(number / right, read_passed(finding)) if right else None
 
 

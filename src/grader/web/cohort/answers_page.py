@@ -15,6 +15,7 @@ from grader.domain.axes import ClassAxis, Position
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.questions import Question, kind_of
+from grader.questions.forms import FORMS
 from grader.web.cohort.axis_plot import ClassPlot, draw_class
 from grader.web.cohort.axis_words import describe_near, describe_right, round_position
 from grader.web.frame.inputs import Visitor
@@ -84,6 +85,12 @@ class ClassAt:
         """How many have an attempt."""
         return len(self.answers.by_learner)
 
+    @property
+    def shows_scripts(self) -> bool:
+        """Whether the answers have lines to read: scripts and models, not files."""
+        takes = kind_of(self.question).view(self.question).get("takes")
+        return takes is not None and not FORMS[takes].is_file
+
     def choose_axis(self, wanted: str) -> ClassAxis | None:
         """Returns the axis of this id; without one that on which most learners are wrong, of those with a right value;
         None where there is none."""
@@ -133,7 +140,7 @@ def show_class(
         "shown": count_shown(at.families),
         "options": list_options(at),
         "advice": advise(at, chosen, plot),
-        "is_script": kind_of(at.question).is_script,
+        "shows_scripts": at.shows_scripts,
         "is_cut": at.answers.attempts >= ATTEMPTS_MAX,
         "said": said,
     }
@@ -195,7 +202,7 @@ def choose_headline(at: ClassAt, axis: ClassAxis | None, plot: ClassPlot | None)
     solve = f"{solved} of {learners} {'has' if learners == 1 else 'have'} solved it"
     if plot is not None and axis is not None and axis.right is not None and plot.near > solved:
         return f"{plot.near} of {plot.claims} {describe_near(axis)}, yet only {solve}"
-    still = [family for family in at.families if family.still]
+    still = [family for family in at.families if family.still and family.is_named]
     if still and len(still[0].still) > 1:
         return f"{solve}; {len(still[0].still)} still end in one mistake"
     return solve
@@ -204,7 +211,7 @@ def choose_headline(at: ClassAt, axis: ClassAxis | None, plot: ClassPlot | None)
 def advise(at: ClassAt, axis: ClassAxis | None, plot: ClassPlot | None) -> list[str]:
     """Returns what to say to the class: at most two sentences, from the numbers; none where there is nothing to say."""
     sentences = []
-    several = [family for family in at.families if family.learners > 1]
+    several = [family for family in at.families if family.learners > 1 and family.is_named]
     first = min(several, key=lambda family: (-len(family.still), -family.learners), default=None)
     other = next((family for family in several if family is not first), None)
     if first is not None:

@@ -1,6 +1,6 @@
 """What is said of a class on an axis: positions, limits and what is right there, in words."""
 
-from grader.domain.axes import ClassAxis, Position
+from grader.domain.axes import RIGHT, ClassAxis, Position
 from grader.web.text.numbers import capitalize, keep_unbroken, write_number, write_quantity
 
 TOLERANCE = "tolerance"
@@ -26,7 +26,8 @@ def round_position(position: Position, figures: int, axis: ClassAxis) -> str:
 
 def write_value(value: float, axis: ClassAxis) -> str:
     """Returns a number on the axis, with its unit."""
-    return write_quantity(value, axis.unit) if axis.unit else write_number(value)
+    unit = axis.unit.removesuffix("s") if axis.is_whole and value == 1 else axis.unit
+    return write_quantity(value, unit) if unit else write_number(value)
 
 
 def name_line(axis: ClassAxis) -> str:
@@ -46,8 +47,8 @@ def describe_right(axis: ClassAxis) -> str:
     if value is None:
         return "here nothing is unstable" if axis.is_limit else "the right one is unknown"
     amount = write_value(value, axis)
-    if axis.is_whole:
-        return f"{axis.line} are asked for"
+    if axis.is_whole or axis.line == RIGHT:
+        return f"{axis.line} are asked for" if axis.is_whole else "each learner has a right number of their own"
     if axis.line == TOLERANCE:
         return f"one {TOLERANCE} is allowed" if value == 1 else f"the {TOLERANCE} is {amount}"
     if axis.is_limit:

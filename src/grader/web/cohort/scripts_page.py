@@ -8,10 +8,12 @@ from fastapi import Query, Request
 from fastapi.responses import RedirectResponse, Response
 
 from grader.courses.reviewing.line_comments import write_comment
+from grader.courses.rules.mistakes import Family
 from grader.errors import NotFound
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.store import submissions
+from grader.store.tables import ERASED
 from grader.web.cohort.answers_page import ClassAt, make_address, read_class
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
@@ -48,9 +50,7 @@ def show_scripts(
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
     at = read_class(services, who, quiz_id, question_id)
-    family = at.find_family(mistake)
-    if family is None:
-        raise NotFound("No answer ends in this mistake any more.")
+    family = find_family(at, mistake)
     listed = [
         *((attempt.submission, True) for attempt in family.still),
         *((attempt.submission, False) for attempt in family.was),
@@ -62,6 +62,16 @@ def show_scripts(
     following = start + SCRIPTS if len(listed) > start + SCRIPTS else None
     context: dict[str, Any] = {"at": at, "family": family, "scripts": scripts, "start": start, "following": following}
     return page(request, "class_scripts.html", who=who, **context)
+
+
+def find_family(at: ClassAt, key: str) -> Family:
+    """Returns the mistake of this key. Raises NotFound where no answer ends in it, or the answers are files."""
+    if not at.shows_scripts:
+        raise NotFound("The answers to this question are no scripts.")
+    family = at.find_family(key)
+    if family is None:
+        raise NotFound("No answer ends in this mistake any more.")
+    return family
 
 
 def make_script(at: ClassAt, submission: str, answer: str, *, is_still: bool) -> ShownScript:
@@ -87,12 +97,11 @@ def comment_all(services: AppServices, who: Instructor, quiz_id: str, question_i
     """Writes one comment to the script of each learner who still makes a mistake, else of each who made it. Raises
     Unauthorized, Forbidden, NotFound, Unprocessable."""
     at = read_class(services, who, quiz_id, question_id)
-    family = at.find_family(form.get("mistake", ""))
-    if family is None:
-        raise NotFound("No answer ends in this mistake any more.")
+    family = find_family(at, form.get("mistake", ""))
     attempts = [at.answers.find(attempt.submission) for attempt in family.still or family.was]
     lines = {attempt.id: attempt.line for attempt in attempts if attempt is not None}
     with services.database.write() as session:
-        rows = [(row, lines[row.id]) for row in submissions.get_several(session, list(lines))]
+        found = submissions.get_several(session, list(lines))
+        rows = [(row, lines[row.id]) for row in found if row.answer != ERASED]
         written = write_comment(session, who, rows, form.get("text", "").replace("\r\n", "\n"))
     return RedirectResponse(f"{at.path}?said={len(written)}#m-{family.key}", 303)

@@ -53,7 +53,7 @@ def list_slides(at: ClassAt, plot: ClassPlot | None, headline: str) -> Iterator[
     """Yields the headline with the picture, then the mistakes that most learners make now."""
     picture = plot.pictures if plot is not None and plot.claims else None
     yield Slide(headline, text=plot.title if plot is not None and picture else at.title, picture=picture)
-    common = [family for family in at.families if family.learners >= LEARNERS_MIN]
+    common = [family for family in at.families if family.is_named and family.learners >= LEARNERS_MIN]
     for family in sorted(common, key=lambda one: (-len(one.still), -one.learners))[:MISTAKES]:
         yield Slide(family.name, describe_count(at, family), find_cure(family.sentence))
 

@@ -96,14 +96,14 @@ def judge_interval(claim: Claim, got: Floats, measured: MeasuredClaim) -> tuple[
     right, around = float(measured.values[0]), claim.allow(measured.values) + measured.uncertainty
     assert claim.width is not None
     if low > high:
-        return f"{capitalize(claim.label)}: the lower end comes first.", ""
+        return f"The interval for {claim.label} begins at its upper end: the lower one comes first.", ""
     slack = around if claim.rule == "overlaps" else measured.uncertainty
     if not any(low - slack <= float(each[0]) <= high + slack for each in measured.rights):
-        return f"{capitalize(claim.label)}: the interval lies too {'high' if low > right else 'low'}.", ""
+        return f"The interval for {claim.label} lies too {'high' if low > right else 'low'}.", ""
     if high - low > claim.width * (1 + 1e-9):
         asked = f"{claim.width:g}{prefix_unit(claim)}"
         return (
-            f"{capitalize(claim.label)}: the interval is too wide.",
+            f"The interval for {claim.label} is too wide.",
             f"It is {high - low:.3g} wide, and {asked} was asked for.",
         )
     return "", ""

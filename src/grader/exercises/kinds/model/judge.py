@@ -149,7 +149,7 @@ def explain_missing(
     if near := get_close_matches(name, [*filter(None, there)], 1):
         fault += f", but one named {near[0]!r}"
     elif "" in there:
-        fault += f', but {"an" if kind[:1] in "aeiou" else "a"} {kind} without a name: write name="{name}"'
+        fault += f', only one without a name: write name="{name}"'
     return ExpressionComparison(f"{fault}.", missing=(name,))
 
 
