@@ -187,6 +187,23 @@ def zipped(**files: bytes) -> bytes:
     return made.getvalue()
 
 
+@pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_a_zip_file_with_a_damaged_byte_is_read_or_refused(method: int) -> None:
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w", method) as packed:
+        packed.writestr("users.csv", USERS)
+        packed.writestr("enrollments.csv", ENROLLED)
+    refused = 0
+    for place in range(0, len(made.getvalue()), 3):
+        damaged = bytearray(made.getvalue())
+        damaged[place] ^= 0xFF
+        try:
+            read_zip(bytes(damaged))
+        except (Unprocessable, FaultyRows):
+            refused += 1
+    assert refused > 20
+
+
 def test_zip_files_that_are_broken_or_too_large_are_refused() -> None:
     good = zipped(users=USERS.encode(), enrollments=ENROLLED.encode())
     assert len(read_zip(good)) == 3

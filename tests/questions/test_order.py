@@ -1,6 +1,6 @@
 """An order of texts: points by neighbours, known mistakes, and a shown order that tells nothing."""
 
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import Any
 
 import pytest
@@ -78,6 +78,13 @@ def test_the_options_that_are_counted_are_the_neighbours(case: tuple[OrderQuesti
     counted = [options[index] for index in grade_answer(question, ids_of(question, order)).evidence["option"]]
     assert [option.text for option in counted] == [f"{one}, then {two}" for one, two in pairwise(order)]
     assert [option.is_right for option in counted] == [pair in {*pairwise(key)} for pair in pairwise(order)]
+
+
+def test_a_right_order_that_is_shown_is_remarked() -> None:
+    items = ["position", "velocity", "acceleration", "integration"]
+    shown = [item["text"] for item in KIND.view(asked(items))["items"]]
+    remarked = [order for order in permutations(items) if [*KIND.warnings(asked(list(order)))]]
+    assert remarked == [tuple(shown)]
 
 
 def test_known_mistakes_are_named() -> None:

@@ -166,9 +166,14 @@ def test_a_link_leads_to_its_quiz_or_question(pair: Joined, changes: dict[str, A
     assert entered.status_code == (404 if location is None else 303)
 
 
-def test_what_a_link_leads_to_is_remembered(pair: Joined) -> None:
-    pair.launch(pair.browser(), **{f"{CLAIM}custom": {"quiz": "small"}})
-    assert pair.launch(pair.browser()).headers["location"] == "/?quiz=small"
+def test_a_link_leads_to_what_its_newest_launch_names(pair: Joined) -> None:
+    def follow(**custom: str) -> str | None:
+        return pair.launch(pair.browser(), **{f"{CLAIM}custom": custom}).headers.get("location")
+
+    assert follow(quiz="small", question="q2") == "/?quiz=small#small--q2"
+    assert follow(quiz="smal") is None  # a typing error, mended by the next line
+    assert follow(quiz="small") == "/?quiz=small"
+    assert follow() == "/"
 
 
 # deep linking

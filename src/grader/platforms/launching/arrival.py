@@ -88,7 +88,7 @@ def find_reviewed(session: Session, launch: Launch, arrival: Arrival) -> str:
 def record_launch(session: Session, context: Context, launch: Launch) -> ResourceLink:
     """Returns the launch's link, with what the launch tells of it: what it leads to, and its place in the gradebook."""
     link = platforms.resource_link(session, context.id, launch.link_id)
-    if launch.quiz is not None and (link.quiz, link.question) != (launch.quiz, launch.question):
+    if (link.quiz, link.question) != (launch.quiz, launch.question):
         link.quiz, link.question = launch.quiz, launch.question
     if launch.gradebook != Gradebook(link.line_item_url, link.line_items_url, tuple(link.scopes.split())):
         link.line_item_url, link.line_items_url = launch.gradebook.line_item_url, launch.gradebook.line_items_url

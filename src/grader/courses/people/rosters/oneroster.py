@@ -2,7 +2,10 @@
 Files of version 1.1 are read too: their users.csv has a column `role`."""
 
 import io
+import lzma
+import struct
 import zipfile
+import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -45,14 +48,20 @@ BACK = {role: name for name, role in ROLES.items()}
 MISSING = "-"
 """Stands for a name that a person of one name does not have: both names are required."""
 
+DAMAGED = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError, EOFError, RuntimeError, ValueError, struct.error
+)  # fmt: skip
+"""What `zipfile` raises for a file that is damaged, encrypted, or packed in a way that Python does not know."""
+
 
 def read_zip(data: bytes, namespace: str = NAMESPACE, course_class: str | None = None) -> list[Entry]:
     """Returns the students and teachers of one class in a OneRoster zip file. Raises Unprocessable, FaultyRows."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
-            return read_files(read_text(packed, USERS), read_text(packed, ENROLLMENTS), namespace, course_class)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
+            texts = read_text(packed, USERS), read_text(packed, ENROLLMENTS)
+    except DAMAGED as error:
         raise Unprocessable(f"The zip file cannot be read: {error}") from error
+    return read_files(*texts, namespace, course_class)
 
 
 def read_text(packed: zipfile.ZipFile, name: str) -> str:

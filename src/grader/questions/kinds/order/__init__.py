@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from grader.domain.pages.markup import quoted, spoken_text
+from grader.domain.plugins import Remark
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import InvalidAnswer
 from grader.questions.kind import Example, Fields, Option, QuestionKind
@@ -34,6 +35,13 @@ class Order(QuestionKind[OrderQuestion, tuple[str, ...]]):
     def heading(self, question: OrderQuestion) -> str:
         """Returns what to do."""
         return "Put in order"
+
+    def warnings(self, question: OrderQuestion) -> Iterator[Remark]:
+        """Yields a remark where the order that is shown is the right one, as by chance it may be."""
+        if list(by_id(question.items).values()) == list(question.items):
+            yield Remark(
+                "items", "are shown in the right order, so that nothing is to be moved: change a word"
+            )
 
     def view(self, question: OrderQuestion) -> dict[str, Any]:
         """Returns the items in an order that tells nothing, with their ids."""
