@@ -196,6 +196,9 @@ def test_a_search_by_name_finds_nothing_that_waits_anonymously(site: Site) -> No
     ann, tina = site.client("ann"), site.client("tina", "instructor")
     made, named = hand_in(ann)["id"], hand_in(ann, "named")["id"]
     assert ids(listed(tina, user="ann")) == [named]
+    learner = ann.get(f"{API}/submissions/{made}").json()["learner"]
+    assert ids(listed(tina, learner=learner)) == [named]
+    assert ids(listed(tina, learner="0" * 32)) == []
     assert listed(tina, quiz="named")[0]["user"] == "ann"
     # Who asks for the answers of a learner by name knows whose they are.
     assert {item["id"]: item["user"] for item in listed(tina, "/submissions", user="ann")} == {

@@ -42,11 +42,16 @@ class CursorQuery(BaseModel):
         return int(text)
 
 
-class PageQuery(CursorQuery):
-    """The query parameters of a list of submissions: which, and which page of them."""
+class QuestionQuery(CursorQuery):
+    """The query parameters of a list of submissions: to which question, and which page of them."""
 
     quiz: str | None = Field(default=None, pattern=NO_NUL)
     question: str | None = Field(default=None, pattern=NO_NUL)
+
+
+class PageQuery(QuestionQuery):
+    """The query parameters of a list of submissions: whose too."""
+
     user: str | None = Field(default=None, pattern=NO_NUL)
     learner: str | None = Field(default=None, pattern=NO_NUL)
 

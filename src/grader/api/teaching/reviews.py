@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from grader.api.bodies import RequestBody, ResponseBody
 from grader.api.learning.submissions import SubmissionView, compute_etag, describe_submission, find_visible, is_current
-from grader.api.paging import NO_NUL, Page, PageParams, PageQuery, build_page
+from grader.api.paging import NO_NUL, Page, PageQuery, QuestionQuery, build_page
 from grader.api.teaching.saved_comments import describe_comment
 from grader.courses.people.identity import Identity
 from grader.courses.reviewing import reviews, rubric_changes
@@ -120,9 +120,9 @@ def list_reviews(
     """Lists the submissions that wait for a mark, oldest first; in anonymous quizzes under pseudonyms.
 
     An attempt does not wait while a newer one replaces it, unless the average counts. `second` lists what waits for
-    the caller's second mark. `user` finds nothing in anonymous quizzes.
+    the caller's second mark. `user` and `learner` find nothing in anonymous quizzes.
     """
-    wanted = SubmissionFilter(who.course, query.user, query.quiz, query.question)
+    wanted = SubmissionFilter(who.course, query.user, query.quiz, query.question, query.learner)
     with services.database.read() as session:
         queue = reviews.list_queue(services.desk_of(who.course), session, wanted, who.id if query.second else None)
         waiting = stored.page(session, queue, query.start, query.limit + 1, now())
@@ -132,7 +132,9 @@ def list_reviews(
 
 
 @router.get("/reviews/disagreements", response_model=Page, responses=refusals(401, 403, 422, 429))
-def list_disagreements(query: PageParams, who: Instructor, services: AppServices, response: Response) -> dict[str, Any]:
+def list_disagreements(
+    query: Annotated[QuestionQuery, Query()], who: Instructor, services: AppServices, response: Response
+) -> dict[str, Any]:
     """Lists the submissions whose two marks differ by more than the tolerance, oldest first.
 
     `PUT /submissions/{id}/review` decides one. Until then the first mark counts.

@@ -36,9 +36,9 @@ FOLLOWING = "a change of the rubric"
 
 
 def list_queue(desk: Desk, session: Session, wanted: SubmissionFilter, second_for: str | None = None) -> Queue:
-    """Returns the submissions that wait. A search by name finds nothing in anonymous quizzes."""
+    """Returns the submissions that wait. A search for a learner finds nothing in anonymous quizzes."""
     averaged = desk.list_averaged(session, wanted.course)
-    if wanted.user is None:
+    if wanted.user is None and wanted.learner is None:
         return Queue(wanted, averaged, second_for)
     quizzes = {name for name in desk.library.quizzes if not desk.is_anonymous(name)}
     return Queue(wanted, averaged, second_for, quizzes)
