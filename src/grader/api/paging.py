@@ -2,10 +2,11 @@
 
 import base64
 import binascii
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Generic, TypeVar
 from urllib.parse import urlencode
 
-from fastapi import Path, Query, Response
+from fastapi import Depends, Path, Query, Request, Response
 from pydantic import BaseModel, Field
 
 from grader.api.bodies import ResponseBody
@@ -36,10 +37,7 @@ class CursorQuery(BaseModel):
 
     def read_number(self, digits_max: int = 18) -> int:
         """The number of the last item of the page before; 0 for the first page. Raises Unprocessable."""
-        text = self.start or "0"
-        if not text.isdecimal() or len(text) > digits_max:
-            raise Unprocessable(INVALID)
-        return int(text)
+        return read_number(self.start or "0", digits_max)
 
 
 class QuestionQuery(CursorQuery):
@@ -95,3 +93,33 @@ def read_cursor(cursor: str) -> str:
     if not decoded.startswith("at:") or not decoded.removeprefix("at:").isalnum():
         raise Unprocessable(INVALID)
     return decoded.removeprefix("at:")
+
+
+def read_number(text: str, digits_max: int = 18) -> int:
+    """The number in a cursor. Raises Unprocessable."""
+    if not text.isdecimal() or len(text) > digits_max:
+        raise Unprocessable(INVALID)
+    return int(text)
+
+
+def cut_list(
+    request: Request,
+    response: Response,
+    cursor: str | None = None,
+    limit: Annotated[int | None, Query(ge=1, le=100)] = None,
+) -> Callable[[Sequence[Any]], dict[str, Any]]:
+    """Returns what cuts a list that is read whole: to its items from the cursor on, at most `limit`, or all of them."""
+    start = 0 if cursor is None else read_number(read_cursor(cursor))
+
+    def cut(items: Sequence[Any]) -> dict[str, Any]:
+        end = len(items) if limit is None else start + limit
+        if end >= len(items):
+            return {"items": items[start:], "next_cursor": None}
+        following = dict(request.query_params) | {"cursor": write_cursor(str(end))}
+        response.headers["Link"] = f'<{request.url.path}?{urlencode(following)}>; rel="next"'
+        return {"items": items[start:end], "next_cursor": following["cursor"]}
+
+    return cut
+
+
+Cut = Annotated[Callable[[Sequence[Any]], dict[str, Any]], Depends(cut_list)]

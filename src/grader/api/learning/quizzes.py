@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from grader.api.paging import Page
+from grader.api.paging import Cut, Page
 from grader.api.views import LoadedContent, QuizSummary, QuizView
 from grader.courses.answering.access import describe_progress, read_access
 from grader.courses.answering.policies import read_policies
@@ -16,16 +16,13 @@ from grader.questions import Quiz, kind_of, lab_view, student_view, unopened_vie
 router = api_router("quizzes")
 
 
-@router.get("/quizzes", response_model=Page[QuizSummary], responses=refusals(401, 429))
-def list_quizzes(who: Anybody, services: AppServices) -> dict[str, Any]:
+@router.get("/quizzes", response_model=Page[QuizSummary], responses=refusals(401, 422, 429))
+def list_quizzes(who: Anybody, services: AppServices, cut: Cut) -> dict[str, Any]:
     """Lists every quiz: its id, title, number of questions and points, and when it may be answered."""
     library = services.content.get(who.course).library
     with services.database.read() as session:
         policies = read_policies(session, library, who.course, library.quizzes)
-    return {
-        "items": [summarise_quiz(library.quiz(quiz_id), policy) for quiz_id, policy in policies.items()],
-        "next_cursor": None,
-    }
+    return cut([summarise_quiz(library.quiz(quiz_id), policy) for quiz_id, policy in policies.items()])
 
 
 @router.get("/quizzes/{quiz_id}", responses=refusals(401, 404, 422, 429, more={200: {"model": QuizView}}))

@@ -7,7 +7,7 @@ from fastapi import Depends, Request
 from pydantic import Field
 
 from grader.api.bodies import RequestBody, ResponseBody
-from grader.api.paging import Page, RowId
+from grader.api.paging import Cut, Page, RowId
 from grader.courses.people import platforms as rules
 from grader.courses.people.identity import Identity
 from grader.errors import NotFound
@@ -29,7 +29,7 @@ async def administrator(who: Instructor) -> Identity:
 Administrator = Annotated[Identity, Depends(administrator)]
 
 TEXT = 2000
-LISTED = refusals(401, 403, 429)
+LISTED = refusals(401, 403, 422, 429)
 CHANGED = refusals(401, 403, 404, 409, 422, 429)
 
 
@@ -95,10 +95,10 @@ class PulledView(ResponseBody):
 
 
 @router.get("/platforms", response_model=Page[PlatformView], responses=LISTED)
-def list_platforms(_who: Administrator, services: AppServices) -> dict[str, Any]:
+def list_platforms(_who: Administrator, services: AppServices, cut: Cut) -> dict[str, Any]:
     """Lists the platforms of the installation with their deployments."""
     with services.database.read() as session:
-        return {"items": administration.list_platforms(session), "next_cursor": None}
+        return cut(administration.list_platforms(session))
 
 
 @router.post(
@@ -134,10 +134,10 @@ def make_registration_link(_who: Administrator, services: AppServices, request: 
 
 
 @router.get("/contexts", response_model=Page[ContextView], responses=LISTED)
-def list_contexts(who: Instructor, services: AppServices) -> dict[str, Any]:
+def list_contexts(who: Instructor, services: AppServices, cut: Cut) -> dict[str, Any]:
     """Lists the platforms' courses that are linked with this course, or ask to be."""
     with services.database.read() as session:
-        return {"items": administration.list_contexts(session, who.course), "next_cursor": None}
+        return cut(administration.list_contexts(session, who.course))
 
 
 @router.put("/contexts/{context_id}/link", status_code=204, responses=CHANGED)

@@ -8,7 +8,7 @@ from pydantic import ConfigDict, Field
 from sqlalchemy import ColumnElement
 
 from grader.api.bodies import RequestBody, ResponseBody
-from grader.api.paging import NO_NUL, CursorQuery, Page, build_page
+from grader.api.paging import NO_NUL, CursorQuery, Cut, Page, build_page
 from grader.courses.sending import outbox, webhooks
 from grader.domain.addresses import LENGTH
 from grader.errors import NotFound
@@ -96,12 +96,11 @@ def create_webhook(body: WebhookBody, who: Staff, services: AppServices, respons
         return describe_webhook(webhook) | {"secret": webhook.secret}
 
 
-@router.get("/webhooks", response_model=Page[WebhookView], responses=refusals(401, 403, 429))
-def list_webhooks(who: Staff, services: AppServices) -> dict[str, Any]:
+@router.get("/webhooks", response_model=Page[WebhookView], responses=refusals(401, 403, 422, 429))
+def list_webhooks(who: Staff, services: AppServices, cut: Cut) -> dict[str, Any]:
     """Lists the webhooks of the course, oldest first; never their secrets."""
     with services.database.read() as session:
-        items = [describe_webhook(webhook) for webhook in stored.list_webhooks(session, who.course)]
-    return {"items": items, "next_cursor": None}
+        return cut([describe_webhook(webhook) for webhook in stored.list_webhooks(session, who.course)])
 
 
 @router.get("/webhooks/{webhook_id}", response_model=WebhookView, responses=refusals(401, 403, 404, 422, 429))

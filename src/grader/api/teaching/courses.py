@@ -5,7 +5,7 @@ from typing import Any
 from fastapi import Request
 
 from grader.api.bodies import RequestBody
-from grader.api.paging import Page
+from grader.api.paging import Cut, Page
 from grader.api.views import NewCourse, TaughtCourseView
 from grader.courses.people import courses, invitations
 from grader.gate.callers import Instructor, api_router
@@ -21,16 +21,15 @@ class CourseBody(RequestBody):
     name: str
 
 
-@router.get("/courses", response_model=Page[TaughtCourseView], responses=refusals(401, 403, 429))
-def list_courses(who: Instructor, services: AppServices) -> dict[str, Any]:
+@router.get("/courses", response_model=Page[TaughtCourseView], responses=refusals(401, 403, 422, 429))
+def list_courses(who: Instructor, services: AppServices, cut: Cut) -> dict[str, Any]:
     """Lists the courses that the caller teaches and has made or added on the page Courses.
 
     A restricted token lists none.
     """
     with services.database.read() as session:
         taught = courses.list_taught(session, who)
-    items = [vars(course) | {"member": course.member.id, "name": course.member.name} for course in taught]
-    return {"items": items, "next_cursor": None}
+    return cut([vars(course) | {"member": course.member.id, "name": course.member.name} for course in taught])
 
 
 @router.post("/courses", status_code=201, response_model=NewCourse, responses=refusals(401, 403, 409, 413, 422, 429))

@@ -6,7 +6,7 @@ from fastapi import Response
 from pydantic import Field, model_validator
 from sqlalchemy.orm import Session
 
-from grader.api.paging import NO_NUL, Page
+from grader.api.paging import NO_NUL, Cut, Page
 from grader.api.views import ExtensionView, GivenExtension
 from grader.courses.answering import publication, results
 from grader.courses.people.identity import Identity
@@ -39,12 +39,12 @@ class ExtensionBody(Extension):
 @router.get(
     "/quizzes/{quiz_id}/extensions", response_model=Page[GivenExtension], responses=refusals(401, 403, 404, 422, 429)
 )
-def list_extensions(quiz_id: str, who: Instructor, services: AppServices) -> dict[str, Any]:
+def list_extensions(quiz_id: str, who: Instructor, services: AppServices, cut: Cut) -> dict[str, Any]:
     """Lists the extensions in a quiz, in the order of the learners' names."""
     services.content.get(who.course).library.quiz(quiz_id)
     with services.database.read() as session:
-        items = [describe_extension(row, name) for row, name in extensions.list_of_quiz(session, who.course, quiz_id)]
-    return {"items": items, "next_cursor": None}
+        rows = extensions.list_of_quiz(session, who.course, quiz_id)
+        return cut([describe_extension(row, name) for row, name in rows])
 
 
 @router.put(

@@ -7,7 +7,7 @@ from sqlalchemy.orm import Session
 
 from grader.api.bodies import RequestBody
 from grader.api.learning.submissions import find_visible
-from grader.api.paging import NO_NUL, Page
+from grader.api.paging import NO_NUL, Cut, Page
 from grader.courses.answering.access import read_access
 from grader.courses.people.identity import Identity
 from grader.courses.reviewing import line_comments
@@ -35,14 +35,14 @@ COMMENTS = "/submissions/{submission_id}/comments"
 
 
 @router.get(COMMENTS, response_model=Page, responses=refusals(401, 403, 404, 422, 429))
-def list_line_comments(submission_id: str, who: Learner, services: AppServices) -> dict[str, Any]:
+def list_line_comments(submission_id: str, who: Learner, services: AppServices, cut: Cut) -> dict[str, Any]:
     """Lists the comments on a script, those on all of it first, then line by line. Its learner sees them with the
     verdict."""
     with services.database.read() as session:
         submission = find_visible(session, submission_id, who)
         is_shown = who.is_instructor or is_released(session, services, who, submission)
         comments = on_submissions(session, [submission.id]).get(submission.id, []) if is_shown else []
-    return {"items": [describe_comment(comment) for comment in comments], "next_cursor": None}
+    return cut([describe_comment(comment) for comment in comments])
 
 
 @router.post(COMMENTS, status_code=201, responses=refusals(401, 403, 404, 413, 422, 429))

@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field
 from sqlalchemy.orm import Session
 
 from grader.api.bodies import RequestBody
-from grader.api.paging import NO_NUL, CursorQuery, Page, build_page
+from grader.api.paging import NO_NUL, CursorQuery, Cut, Page, build_page
 from grader.api.views import AuditView, CourseView, CredentialView, MemberView, NewInvitation, NewToken
 from grader.courses.people import invitations, members, tokens
 from grader.courses.people.external import known_as
@@ -94,12 +94,12 @@ def remove_member(member_id: str, who: Instructor, services: AppServices) -> Non
         members.remove(session, who, member_id)
 
 
-@router.get("/invitations", response_model=Page[CredentialView], responses=refusals(401, 403, 429))
-def list_invitations(who: Instructor, services: AppServices) -> dict[str, Any]:
+@router.get("/invitations", response_model=Page[CredentialView], responses=refusals(401, 403, 422, 429))
+def list_invitations(who: Instructor, services: AppServices, cut: Cut) -> dict[str, Any]:
     """Lists the links that were neither used nor revoked, newest first."""
     with services.database.read() as session:
         credentials = invitations.list_pending(session, who.course)
-    return {"items": [tokens.describe_credential(credential) for credential in credentials], "next_cursor": None}
+    return cut([tokens.describe_credential(credential) for credential in credentials])
 
 
 @router.post(
@@ -136,12 +136,12 @@ def revoke_invitation(invitation_id: str, who: Instructor, services: AppServices
         invitations.revoke(session, who, invitation_id)
 
 
-@router.get("/tokens", response_model=Page[CredentialView], responses=refusals(401, 403, 429))
-def list_tokens(who: Instructor, services: AppServices) -> dict[str, Any]:
+@router.get("/tokens", response_model=Page[CredentialView], responses=refusals(401, 403, 422, 429))
+def list_tokens(who: Instructor, services: AppServices, cut: Cut) -> dict[str, Any]:
     """Lists the tokens that are valid, newest first; never their secrets."""
     with services.database.read() as session:
         credentials = tokens.list_tokens(session, who.course)
-    return {"items": [tokens.describe_credential(credential) for credential in credentials], "next_cursor": None}
+    return cut([tokens.describe_credential(credential) for credential in credentials])
 
 
 @router.post("/tokens", status_code=201, response_model=NewToken, responses=refusals(401, 403, 409, 413, 422, 429))

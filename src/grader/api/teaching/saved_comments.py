@@ -6,7 +6,7 @@ from fastapi import Query
 from pydantic import Field, StringConstraints
 
 from grader.api.bodies import RequestBody
-from grader.api.paging import NO_NUL, Page
+from grader.api.paging import NO_NUL, Cut, Page
 from grader.courses.reviewing import comments
 from grader.gate.callers import Instructor, api_router
 from grader.gate.problems import refusals
@@ -36,11 +36,11 @@ class CommentBody(TextBody):
 
 
 @router.get("/reviews/comments", response_model=Page, responses=refusals(401, 403, 422, 429))
-def list_comments(quiz: Name, question: Name, who: Instructor, services: AppServices) -> dict[str, Any]:
+def list_comments(quiz: Name, question: Name, who: Instructor, services: AppServices, cut: Cut) -> dict[str, Any]:
     """Lists the comments saved for a question of the course, oldest first."""
     with services.database.read() as session:
         comments = find_comments(session, who.course, quiz, question)
-    return {"items": [describe_comment(comment) for comment in comments], "next_cursor": None}
+    return cut([describe_comment(comment) for comment in comments])
 
 
 @router.post("/reviews/comments", status_code=201, responses=refusals(401, 403, 404, 409, 413, 422, 429))

@@ -39,9 +39,7 @@ class Order(QuestionKind[OrderQuestion, tuple[str, ...]]):
     def warnings(self, question: OrderQuestion) -> Iterator[Remark]:
         """Yields a remark where the order that is shown is the right one, as by chance it may be."""
         if list(by_id(question.items).values()) == list(question.items):
-            yield Remark(
-                "items", "are shown in the right order, so that nothing is to be moved: change a word"
-            )
+            yield Remark("items", "are shown in the right order, so that nothing is to be moved: change a word")
 
     def view(self, question: OrderQuestion) -> dict[str, Any]:
         """Returns the items in an order that tells nothing, with their ids."""
