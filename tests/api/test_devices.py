@@ -41,6 +41,12 @@ def begin(device: httpx.Client, name: str = NAME) -> dict[str, Any]:
     return codes
 
 
+def test_a_device_needs_no_name(site: Site) -> None:
+    for sent in (None, {}):
+        begun = site.anonymous().post(f"{API}/devices", json=sent)
+        assert (begun.status_code, bool(begun.json()["user_code"])) == (200, True)
+
+
 def ask(device: httpx.Client, codes: dict[str, Any]) -> tuple[int, dict[str, Any]]:
     response = device.post(f"{API}/devices:token", json={"device_code": codes["device_code"]})
     return response.status_code, response.json()

@@ -33,7 +33,7 @@ def test_a_mistake_that_is_back_is_told_with_the_attempt_without_it() -> None:
 
 def test_what_holds_now_is_praised_with_its_number() -> None:
     before, now = attempt(1, 1, "One.", "a"), attempt(2, 2.5, "Two.", "ab", "partial")
-    assert describe_progress([before], now) == ("Better than attempt 1: 1 more of 3 hold, 2.5 points in place of 1.")
+    assert describe_progress([before], now) == ("Better than attempt 1: 1 more of 3 holds, 2.5 points in place of 1.")
     assert describe_progress([now], attempt(3, 1, "Three.", "a")).startswith("Attempt 2 was better, 2.5 points")
 
 

@@ -19,6 +19,7 @@ from grader.library.question_text import find_id, find_question
 from grader.questions import installed_kinds, parse_question
 from grader.service.authoring import make_app
 from grader.web.author.desk import AuthorDesk, Check
+from grader.web.author.pages import SOURCE_BYTES_MAX
 from grader.web.author.preview import list_samples
 
 ROOT = Path(__file__).parents[2]
@@ -186,6 +187,14 @@ def test_saving_writes_the_question_alone_and_never_overwrites(browser: TestClie
     browser.post("/source/1.3-check/q2", data=form, headers=SENT)
     assert "greatest timestep" in file.read_text()
     assert [path.name for path in (folder / "quizzes").iterdir()] == ["1.3-check.json"]
+
+
+def test_what_is_too_long_is_refused_and_nothing_of_it_is_saved(browser: TestClient, folder: Path) -> None:
+    file = folder / "quizzes/1.3-check.json"
+    before, match = file.read_text(), {"If-Match": f'"{tag_in(browser.get(NUMBER).text)}"', **SENT}
+    saved = browser.put("/source/1.3-check/q2", content="x" * (SOURCE_BYTES_MAX + 1), headers=match)
+    assert (saved.status_code, "at most 1 MB" in saved.json()["why"]) == (413, True)
+    assert file.read_text() == before
 
 
 @pytest.mark.parametrize("form", ["json", "md"])

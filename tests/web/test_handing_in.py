@@ -257,7 +257,7 @@ def test_the_command_line_and_the_packs_know_the_files(
     for question, file in (("three-geoms", "correct__three.xml"), ("weights", "correct__three.npz")):
         told = CliRunner().invoke(cli, ["grade", "made", question, str(references / question / file)])
         assert told.exit_code == 0, told.output
-        assert told.output.startswith("correct: 1 of 1 points")
+        assert told.output.startswith("correct: 1 of 1 point\n")
     library = load(folder)
     kit = list_texts(library, "made", "three-geoms", judged=True)
     assert kit["three_geoms.xml"] == STARTER

@@ -147,8 +147,10 @@ def read_handed_in(path: Path, asked: "Question") -> str:
 
 def show(verdict: "Verdict", seed: int | None) -> None:
     """Prints a verdict for a person at a terminal, with the seed that repeats it."""
+    from grader.domain.verdict import format_points
+
     out = Console(markup=False, highlight=False, soft_wrap=True)
-    out.print(f"{verdict.status}: {verdict.points:g} of {verdict.max_points:g} points")
+    out.print(f"{verdict.status}: {verdict.points:g} of {format_points(verdict.max_points)}")
     if verdict.read_as:
         out.print(f"read as: {verdict.read_as}")
     if verdict.diagnosis:

@@ -134,3 +134,8 @@ def verdict_of(findings: tuple[Finding, ...], **rest: Any) -> Verdict:
     points = round(math.fsum(f.points for f in findings), POINT_DIGITS)
     status = status_of(points, max_points)
     return Verdict(status=status, points=points, max_points=max_points, findings=findings, **rest)
+
+
+def format_points(points: float) -> str:
+    """`1 point`, `2.5 points`."""
+    return f"{points:g} point{'' if points == 1 else 's'}"

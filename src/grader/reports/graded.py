@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from grader.domain.pages.markup import plain_text
-from grader.domain.verdict import Finding, Status, Verdict
+from grader.domain.verdict import Finding, Status, Verdict, format_points
 from grader.questions import Question, Quiz, kind_of
 
 
@@ -27,7 +27,7 @@ class GradedAnswer:
         """Status and points, and what was understood of a typed answer."""
         verdict = self.verdict
         read_as = f", read as {verdict.read_as}" if verdict.read_as else ""
-        return f"{verdict.status}: {verdict.points:g} of {verdict.max_points:g} points{read_as}"
+        return f"{verdict.status}: {verdict.points:g} of {format_points(verdict.max_points)}{read_as}"
 
     @property
     def shows_solution(self) -> bool:

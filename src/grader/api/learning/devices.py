@@ -32,10 +32,12 @@ class DeviceCodeBody(RequestBody):
 
 
 @router.post("/devices", response_model=NewDeviceView, responses=refusals(413, 422, 429))
-def begin_device(body: DeviceBody, services: AppServices, request: Request, response: Response) -> dict[str, Any]:
+def begin_device(
+    services: AppServices, request: Request, response: Response, body: DeviceBody | None = None
+) -> dict[str, Any]:
     """Begins the sign-in of a device: show the user code and the address, then ask for the token."""
     with services.database.write() as session:
-        device = devices.begin(session, body.client_name)
+        device = devices.begin(session, "" if body is None else body.client_name)
     response.headers.update(NO_STORE)
     page = f"{services.origin_of(request)}/devices"
     return {

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from grader.domain.verdict import Status
+from grader.domain.verdict import Status, format_points
 
 NUMBER = re.compile(r"[0-9][0-9.,/]*(?:e[+-]?[0-9]+)?")
 """Numbers in a diagnosis: the same mistake has others in another attempt."""
@@ -54,10 +54,11 @@ def describe_progress(earlier: Sequence[ComparedAttempt], now: ComparedAttempt) 
     last, best = before[-1], max(before, key=lambda comparison: comparison.points)
     if now.points > last.points:
         more, several = len(now.held - last.held), len(now.verdict.get("findings") or ())
-        gained = f": {more} more of {several} hold" if more and now.held >= last.held else ""
-        return f"Better than attempt {last.attempt}{gained}, {format_points(now, last)}."
+        hold = "holds" if more == 1 else "hold"
+        gained = f": {more} more of {several} {hold}" if more and now.held >= last.held else ""
+        return f"Better than attempt {last.attempt}{gained}, {compare_points(now, last)}."
     if now.points < best.points:
-        return f"Attempt {best.attempt} was better, {format_points(best, now)}: go on from that one."
+        return f"Attempt {best.attempt} was better, {compare_points(best, now)}: go on from that one."
     return ""
 
 
@@ -67,13 +68,13 @@ def describe_repetition(before: Sequence[ComparedAttempt], same: int) -> str:
     if not between:
         return f"The same mistake as in attempt {repeated.attempt}."
     better = max(between, key=lambda comparison: comparison.points)
-    gain = f", with {better.points:g} points" if better.points > repeated.points else ""
+    gain = f", with {format_points(better.points)}" if better.points > repeated.points else ""
     return (
         f"The mistake of attempt {repeated.attempt} is back: in attempt {better.attempt} it was gone{gain}. See what "
         "you changed there."
     )
 
 
-def format_points(more: ComparedAttempt, less: ComparedAttempt) -> str:
+def compare_points(more: ComparedAttempt, less: ComparedAttempt) -> str:
     """Returns the points of two attempts."""
-    return f"{more.points:.3g} points in place of {less.points:.3g}"
+    return f"{format_points(float(f'{more.points:.3g}'))} in place of {less.points:.3g}"

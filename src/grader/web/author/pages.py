@@ -85,9 +85,12 @@ def add(quiz: str, question: str, request: Request, fields: FormFields) -> Respo
 @router.put("/source/{quiz}/{question}")
 async def put_source(quiz: str, question: str, request: Request, if_match: Annotated[str, Header()] = "") -> Response:
     """Saves the source of a question for the script of the page: 204 with the new tag, and the address of its page
-    where the question has another id now; 412 where the file has changed since it had the tag of `If-Match`. Raises
-    NotFound."""
-    desk, source = get_desk(request), (await request.body())[:SOURCE_BYTES_MAX].decode(errors="replace")
+    where the question has another id now; 412 where the file has changed since it had the tag of `If-Match`, and 413
+    for more than SOURCE_BYTES_MAX. Raises NotFound."""
+    desk, sent = get_desk(request), await request.body()
+    if len(sent) > SOURCE_BYTES_MAX:
+        return JSONResponse({"why": f"Nothing was saved: a question has at most {SOURCE_BYTES_MAX >> 20} MB."}, 413)
+    source = sent.decode(errors="replace")
     try:
         saved = await run_in_threadpool(desk.save_source, quiz, question, source, if_match.strip('"'))
     except Outdated as error:

@@ -45,7 +45,7 @@ async function save() {
     if (moved && !isChanged()) location.assign(moved);
     else await refresh();
   } else {
-    say(response?.status === 412 ? (await response.json()).why : "Nothing was saved: does grader author still run?", true);
+    say([412, 413].includes(response?.status) ? (await response.json()).why : "Nothing was saved: does grader author still run?", true);
   }
 }
 
