@@ -168,7 +168,8 @@ def test_a_link_leads_to_its_quiz_or_question(pair: Joined, changes: dict[str, A
 
 def test_a_link_leads_to_what_its_newest_launch_names(pair: Joined) -> None:
     def follow(**custom: str) -> str | None:
-        return pair.launch(pair.browser(), **{f"{CLAIM}custom": custom}).headers.get("location")
+        location: str | None = pair.launch(pair.browser(), **{f"{CLAIM}custom": custom}).headers.get("location")
+        return location
 
     assert follow(quiz="small", question="q2") == "/?quiz=small#small--q2"
     assert follow(quiz="smal") is None  # a typing error, mended by the next line
