@@ -102,6 +102,16 @@ def test_a_lesson_is_added(course: Path) -> None:
     assert load(course).quiz("2.1-check").title == "Contact"
 
 
+def test_a_starter_is_named_for_its_exercise_and_says_so(course: Path) -> None:
+    for quiz, question in (("2.1", "how-far"), ("2.2", "how-fast")):
+        assert grader("new", "exercise", "claims", f"{quiz}/{question}", "--in", str(course)).returncode == 0
+        assert f"python {question.replace('-', '_')}.py\n" in (course / f"quizzes/starters/{question}.py").read_text()
+    again = grader("new", "exercise", "controller", "2.3/how-far", "--in", str(course))
+    assert (again.returncode, "how-far.py is there already, and is another one: choose another id" in again.stderr) == (
+        2, True
+    )  # fmt: skip
+
+
 def test_what_is_there_stays(course: Path) -> None:
     model = course / "models" / "pendulum_servo.xml"
     model.parent.mkdir()

@@ -191,7 +191,7 @@ def list_examples() -> Iterator[SampleQuestion]:
 
 def name_sample(sample: SampleQuestion, id_: str) -> SampleQuestion:
     """Returns a sample whose question has this id, with a function of that name, where it is one, and with its starter
-    and its program in files of that name."""
+    and its program in files of that name. The starter says how a learner runs it, who gets it as a module."""
     if (entry := sample.question.get("entry")) and (function := re.sub(r"\W", "_", id_)).isidentifier():
         sample = rename(sample, entry, function)
     question = {**sample.question, "id": id_, "check": dict(sample.question.get("check", {}))}
@@ -199,7 +199,9 @@ def name_sample(sample: SampleQuestion, id_: str) -> SampleQuestion:
     for part, key in ((question, "starter"), (question["check"], "program")):
         if (path := part.get(key)) in files:
             part[key] = str(Path(path).with_name(id_ + Path(path).suffix))
-            files[part[key]] = files.pop(path)
+            body = files.pop(path)
+            called = f"python {id_.replace('-', '_')}.py".encode()
+            files[part[key]] = body.replace(f"python {Path(path).name}".encode(), called)
     if not question["check"]:
         del question["check"]
     return SampleQuestion(question, files, sample.right)
@@ -275,7 +277,8 @@ def write_files(root: Path, files: Mapping[str, bytes]) -> list[Path]:
     missing = {root / path: body for path, body in files.items() if not (root / path).exists()}
     for path, body in files.items():
         if root / path not in missing and (root / path).read_bytes() != body:
-            raise Conflict(f"{root / path} is there already, and is another one: rename it first")
+            cure = "rename it first" if path.startswith("models/") else "choose another id"
+            raise Conflict(f"{root / path} is there already, and is another one: {cure}")
     for place, body in missing.items():
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_bytes(body)
