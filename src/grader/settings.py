@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 from urllib.parse import urlsplit
 
-from pydantic import Field, IPvAnyNetwork, SecretStr, model_validator
+from pydantic import Field, IPvAnyNetwork, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SecretsSettingsSource, SettingsConfigDict
 
 CONTAINER_SECRETS = "/run/secrets"
@@ -20,6 +20,11 @@ CONNECTIONS, CONNECTIONS_MIN = 64, 8
 """Connections to PostgreSQL of all processes of `grader serve`, and the least of each."""
 
 Number = TypeVar("Number", int, float)
+
+NO_ADDRESS = (
+    "it is postgresql://user:password@host:port/name; in the password write %40 for @, %2F for /, %3A for :, %23 for # "
+    "and %3F for ?"
+)
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -172,6 +177,21 @@ class Settings(BaseSettings):
             raise ValueError("; ".join(f"{name} is no setting{suggest_nearest(name, known)}" for name in unknown))
         return given
 
+    @field_validator("database_url")
+    @classmethod
+    def _address_of_a_database(cls, url: str | None) -> str | None:
+        """Refuses what is no address, before a password in it is taken for a host, and told."""
+        if url is None or url.startswith("sqlite:///"):
+            return url
+        try:
+            parts = urlsplit(url)
+            if parts.scheme not in ("postgresql", "postgresql+psycopg") or parts.netloc.count("@") > 1:
+                raise ValueError
+            parts.port  # noqa: B018  # raises
+        except ValueError:
+            raise ValueError(NO_ADDRESS) from None
+        return url
+
     @model_validator(mode="after")
     def _whole_oidc_provider(self) -> Self:
         if (self.oidc_issuer is None) != (self.oidc_client_id is None):
@@ -201,7 +221,9 @@ class Settings(BaseSettings):
     def _only_https_beyond_loopback(self) -> Self:
         origin = urlsplit(self.public_origin or "")
         if self.public_origin is not None and (not origin.netloc or origin.path not in ("", "/") or origin.query):
-            raise ValueError("public_origin is scheme://host[:port] and nothing else")
+            raise ValueError(
+                "GRADER_PUBLIC_ORIGIN is scheme://host[:port] and nothing else, such as https://grader.example.org"
+            )
         if self.host not in LOOPBACK and origin.scheme != "https":
             raise ValueError(
                 f"binding {self.host} shows the service to others: set GRADER_PUBLIC_ORIGIN=https://... first"
@@ -236,6 +258,12 @@ class Settings(BaseSettings):
     def share(self, limit: float) -> float:
         """The share of one server process in a limit of the installation: each counts alone."""
         return limit / self.processes
+
+    @property
+    def sqlite_folder(self) -> Path | None:
+        """The folder of the database where that is SQLite."""
+        file = self.database.removeprefix("sqlite:///")
+        return None if file == self.database else Path(file).parent
 
     @property
     def database(self) -> str:

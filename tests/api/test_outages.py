@@ -16,6 +16,7 @@ from sqlalchemy import event, make_url, text
 from grader.courses.people.identity import COOKIE
 from grader.courses.people.sign_in import create_sign_in_code, redeem_sign_in_code
 from grader.settings import Settings
+from grader.store.engine.database import Database
 from support.databases import database_url
 from support.outages import Cable, cable_to
 from support.sites import Site, open_site
@@ -151,6 +152,16 @@ def test_a_full_sqlite_file_is_503_until_there_is_room(
         assert (line["status"], line["why"]) == (503, "database: SQLITE_FULL")
         assert ann.get(f"{API}/submissions").status_code == 200
     assert ann.post(f"{API}/submissions", json=long).status_code == 201
+
+
+def test_metrics_tell_of_a_full_disk_as_readiness_does(
+    open_site_with: Callable[..., Site], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nobody = open_site_with().anonymous()
+    assert "grader_database_up 1.0" in nobody.get("/metrics").text
+    monkeypatch.setattr(Database, "free_bytes", property(lambda _: 1))
+    shown = nobody.get("/metrics").text
+    assert "grader_database_up 0.0" in shown and "grader_queue_jobs" in shown
 
 
 def test_a_fault_of_a_statement_is_no_outage(open_site_with: Callable[..., Site]) -> None:

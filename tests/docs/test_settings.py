@@ -83,6 +83,11 @@ def test_the_names_that_tests_use_are_allowed(monkeypatch: pytest.MonkeyPatch) -
         ("GRADER_ALLOWED_HOSTS", "a.example", "GRADER_ALLOWED_HOSTS: Further names"),
         ("GRADER_LOG_FORMAT", "xml", "GRADER_LOG_FORMAT: Input should be 'json', 'text' or 'auto'"),
         ("GRADER_METRICS_TOKEN", "short", "GRADER_METRICS_TOKEN: Value should have at least 16"),
+        ("GRADER_PUBLIC_ORIGIN", "grader.example", "GRADER_PUBLIC_ORIGIN is scheme://host[:port]"),
+        ("GRADER_DATABASE_URL", "garbage", "GRADER_DATABASE_URL: it is postgresql://user:password@host:port/name"),
+        ("GRADER_DATABASE_URL", "mysql://user@host/name", "GRADER_DATABASE_URL: it is postgresql://"),
+        ("GRADER_DATABASE_URL", "postgresql://ann:se@cret@host/name", "in the password write %40 for @"),
+        ("GRADER_DATABASE_URL", "postgresql://ann:se/cret@host/name", "%2F for /"),
         ("GRADER_HOST", "0.0.0.0", "set GRADER_PUBLIC_ORIGIN=https://... first"),
     ],
 )
@@ -93,4 +98,5 @@ def test_the_command_line_names_the_setting_that_cures_it(
     done = grader("token", "list")
     assert done.returncode == 2, done.stderr
     assert told in done.stderr
+    assert "cret" not in done.stderr
     assert len(done.stderr.splitlines()) == 1

@@ -20,6 +20,7 @@ from grader.courses.answering.stopping import STOPPED_RUNNING
 from grader.errors import TooManyRequests
 from grader.service.accounts import revoke_tokens
 from grader.service.app import admission_rules
+from grader.service.processes import FAULT
 from grader.settings import Settings
 from grader.store.engine.database import Database
 from support.databases import database_url
@@ -29,6 +30,7 @@ from support.tokens import issue_token
 
 SUBMISSIONS = "/api/v1/submissions"
 CHOICE = {"quiz": "1.3-check", "question": "q1", "answer": 1}
+GRADER = Path(sys.executable).parent / "grader"
 SCRIPT = {"source": "def largest_stable_timestep(model, integrator):\n    return None\n"}
 
 
@@ -201,6 +203,38 @@ def test_the_folder_of_metrics_of_a_killed_serve_is_removed_by_the_next(tmp_path
         with counting() as (_, new):
             assert folders() == {kept, new}
     assert folders() == set()
+
+
+ALONE = {"GRADER_PROCESSES": "1", "GRADER_WORKERS": "0"}
+
+
+def serve_in(folder: Path) -> list[str]:
+    return [str(GRADER), "serve", "--port", "0", "--data", str(folder)]
+
+
+def be_refused(folder: Path) -> str:
+    """What a server says that does not start."""
+    refused = subprocess.run(
+        serve_in(folder), capture_output=True, text=True, check=False, env=os.environ | ALONE, timeout=60
+    )
+    assert (refused.returncode, refused.stdout) == (FAULT, "")
+    return refused.stderr
+
+
+def test_a_second_server_on_a_sqlite_database_is_refused_until_the_first_has_ended(tmp_path: Path) -> None:
+    for _ in range(2):  # the second one is there after the first was killed
+        with subprocess.Popen(serve_in(tmp_path), stdout=subprocess.PIPE, text=True, env=os.environ | ALONE) as first:
+            try:
+                assert first.stdout is not None and first.stdout.readline().startswith("Student page:")
+                assert f"no database in {tmp_path} (another server works on it)" in be_refused(tmp_path)
+            finally:
+                first.kill()
+
+
+def test_a_folder_that_cannot_hold_a_database_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    told = be_refused(tmp_path / "file")
+    assert f"no database in {tmp_path / 'file'} (File exists): name another folder with --data or GRADER_DATA" in told
 
 
 def test_several_processes_are_refused_on_sqlite() -> None:

@@ -54,6 +54,14 @@ class Monitor(Collector):
             raise
         return {"backend": self.database.backend}
 
+    def takes_writes(self) -> bool:
+        """Whether the database takes what is to be stored: it is there, not read-only, and its disk has room."""
+        try:
+            self.check_database()
+        except NotReady:
+            return False
+        return True
+
     def check_jail(self) -> dict[str, Any]:
         """The jail's tier and its self-test, as the grading processes beside this process told them."""
         try:
@@ -88,7 +96,8 @@ class Monitor(Collector):
             if not is_away(error):
                 raise
             families = []
-        yield GaugeMetricFamily("grader_database_up", "Whether the database answers.", float(bool(families)))
+        is_up = bool(families) and self.takes_writes()
+        yield GaugeMetricFamily("grader_database_up", "Whether the database answers and takes writes.", float(is_up))
         yield from families
         graders = self.graders
         yield GaugeMetricFamily("grader_grading_processes", "Grading processes that run.", graders.alive)

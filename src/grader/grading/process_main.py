@@ -37,6 +37,9 @@ never touched; later scripts add little. So the limit follows what the process h
 SWITCH_S = 0.0005
 """As in the server: a script waits for its inputs while another thread compiles the models that judging needs [s]."""
 
+PARENT_ENDED = (EOFError, ConnectionResetError)
+"""What reading from the parent raises once it has ended; a reset where it had not read all."""
+
 log = structlog.get_logger()
 
 
@@ -47,13 +50,13 @@ def serve_scripts(connection: "Connection[Any, Any]", jail: Jail) -> None:
     def is_stopped() -> bool:
         try:
             return connection.poll() and connection.recv() == Stop(message.name)
-        except EOFError:
+        except PARENT_ENDED:
             return True
 
     while True:
         try:
             message = connection.recv()
-        except EOFError:
+        except PARENT_ENDED:
             return
         if isinstance(message, Stop):  # its script has ended
             continue

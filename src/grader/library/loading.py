@@ -78,7 +78,7 @@ def load(
     if not names:
         name = root.name or root
         lacks = f"no quiz in {name}: is this a content folder?" if root.is_dir() else f"there is no folder {name}"
-        loading.faults.append(Fault("quizzes", "*.json", f"{lacks} (GRADER_CONTENT names it)"))
+        loading.faults.append(Fault("quizzes", "*.json", f"{lacks} (GRADER_CONTENT or GRADER_COURSES names it)"))
     for name in names:
         _load_quiz(loading, name)
     loading.quizzes = {name: loading.quizzes[name] for name in sorted(loading.quizzes, key=rank_quiz)}

@@ -10,9 +10,9 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,7 @@ import structlog
 from grader.errors import ContentError
 from grader.grading.processes import Graders
 from grader.logs import is_json, log_to_stderr
-from grader.metrics import FOLDER, shared_folder
+from grader.metrics import FOLDER, locked, shared_folder
 from grader.settings import Settings
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ def serve(settings: Settings) -> None:
 def serve_alone(settings: Settings) -> None:
     """Serves in this process. The jails start while the app is imported and the content is checked."""
     graders = Graders(settings.workers, allow_t2=settings.allow_t2)
-    with open_listener(settings.host, settings.port) as listener:
+    with hold_database(settings), open_listener(settings.host, settings.port) as listener:
         bound = settings.model_copy(update={"port": listener.getsockname()[1]})
         try:
             graders.begin()
@@ -179,6 +179,28 @@ def serve_alone(settings: Settings) -> None:
             raise
         finally:
             graders.close()
+
+
+@contextmanager
+def hold_database(settings: Settings) -> Iterator[None]:
+    """Holds the folder of a SQLite database until this process ends, however it does: another server would take the
+    jobs at which this one works. Exits with one line where another has it, or where there can be no such folder."""
+    folder = settings.sqlite_folder
+    with ExitStack() as held:
+        try:
+            if folder is not None:
+                folder.mkdir(parents=True, exist_ok=True)
+                held.enter_context(locked(folder))
+        except OSError as error:
+            is_taken = isinstance(error, BlockingIOError)
+            why = "another server works on it" if is_taken else error.strerror or str(error)
+            cure = "stop that one first, or name" if is_taken else "name"
+            print(
+                f"There can be no database in {folder} ({why}): {cure} another folder with --data or GRADER_DATA.",
+                file=sys.stderr,
+            )
+            sys.exit(FAULT)
+        yield
 
 
 def tell_that_ready(settings: Settings, app: "FastAPI") -> None:
