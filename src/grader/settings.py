@@ -192,6 +192,15 @@ class Settings(BaseSettings):
             raise ValueError(NO_ADDRESS) from None
         return url
 
+    @field_validator("allowed_hosts")
+    @classmethod
+    def _names_of_hosts(cls, hosts: tuple[str, ...]) -> tuple[str, ...]:
+        """Returns the names as requests have them. Refuses addresses, which no request could be addressed to."""
+        for host in hosts:
+            if "/" in host or host.count(":") == 1:
+                raise ValueError(f"{host} is no name: leave out the scheme, the port and the path")
+        return tuple(host.lower() for host in hosts)
+
     @model_validator(mode="after")
     def _whole_oidc_provider(self) -> Self:
         if (self.oidc_issuer is None) != (self.oidc_client_id is None):

@@ -111,8 +111,7 @@ def describe_faults(error: ValueError) -> list[str]:
 
     if isinstance(error, ValidationError):
         return [
-            (f"{PREFIX}{'_'.join(map(str, wrong['loc']))}: ".upper() if wrong["loc"] else "")
-            + wrong["msg"].removeprefix("Value error, ")
+            (f"{name_setting(*wrong['loc'])}: " if wrong["loc"] else "") + wrong["msg"].removeprefix("Value error, ")
             for wrong in error.errors()
             if wrong["type"] != "default_factory_not_called"  # it follows from another error
         ]
@@ -120,6 +119,13 @@ def describe_faults(error: ValueError) -> list[str]:
         fields = [(name, field) for name, field in Settings.model_fields.items() if f'"{name}"' in str(error)]
         return [f"{PREFIX}{name.upper()}: {field.description}" for name, field in fields]
     raise error
+
+
+def name_setting(name: int | str, *inside: int | str) -> str:
+    """Returns the variable of a setting, and the place within it."""
+    from grader.settings import PREFIX
+
+    return f"{PREFIX}{name}".upper() + "".join(f"[{part!r}]" for part in inside)
 
 
 def open_missing_standard_streams() -> None:
