@@ -60,6 +60,18 @@ def for_each_process(limit: Number) -> Callable[[dict[str, Any]], Number]:
     return lambda fields: limit * fields.get("processes", 1)
 
 
+def is_origin(url: str) -> bool:
+    """Whether a URL is scheme, host and perhaps port, and nothing else."""
+    try:
+        parts = urlsplit(url)
+        name = parts.netloc.removesuffix("" if parts.port is None else f":{parts.port}")
+    except ValueError:
+        return False
+    is_host = parts.hostname is not None and name.strip("[]").lower() == parts.hostname
+    rest = parts.path.removeprefix("/") + parts.query + parts.fragment
+    return parts.scheme in ("http", "https") and is_host and not rest
+
+
 class Settings(BaseSettings):
     """The settings of an installation."""
 
@@ -208,8 +220,8 @@ class Settings(BaseSettings):
         if self.oidc_issuer is None:
             return self
         issuer = urlsplit(self.oidc_issuer)
-        if issuer.scheme != "https" and issuer.hostname not in LOOPBACK:
-            raise ValueError("GRADER_OIDC_ISSUER is an https address")
+        if not issuer.hostname or (issuer.scheme != "https" and issuer.hostname not in LOOPBACK):
+            raise ValueError("GRADER_OIDC_ISSUER is an https address, such as https://login.example.org")
         missing = [name for name in ("authlib", "joserfc", "httpx2") if find_spec(name) is None]
         if missing:
             raise ValueError(
@@ -229,7 +241,7 @@ class Settings(BaseSettings):
     @model_validator(mode="after")
     def _only_https_beyond_loopback(self) -> Self:
         origin = urlsplit(self.public_origin or "")
-        if self.public_origin is not None and (not origin.netloc or origin.path not in ("", "/") or origin.query):
+        if self.public_origin is not None and not is_origin(self.public_origin):
             raise ValueError(
                 "GRADER_PUBLIC_ORIGIN is scheme://host[:port] and nothing else, such as https://grader.example.org"
             )

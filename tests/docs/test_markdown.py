@@ -9,7 +9,7 @@ from grader.certify.keys import certify_quizzes
 from grader.errors import ContentError
 from grader.grading.pipeline import Pipeline
 from grader.library import load
-from grader.library.markdown.reading import FENCES, TEXTS
+from grader.library.markdown.slips import FENCES, TEXTS
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/markdown.md").read_text(encoding="utf-8")

@@ -99,3 +99,8 @@ def test_a_cell_that_is_no_text_is_no_code(tmp_path: Path) -> None:
     path.write_text("[" * 100_000)
     with pytest.raises(Unprocessable):
         read_notebook(path)
+
+
+def test_a_magic_that_goes_on_in_the_next_line_is_left_out_with_it() -> None:
+    cell = "!pip install \\\n    numpy \\\n    scipy\nfiles = !ls \\\n  /tmp\nx = 1\n!ls \\"
+    assert drop_magics(cell) == "pass\n\n\npass\n\nx = 1\npass"

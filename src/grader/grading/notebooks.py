@@ -23,7 +23,10 @@ TOKEN = re.compile(
 )
 """What a line may not be cut in: strings, comments, and lines that go on in the next one; else one character."""
 
-MAGIC = re.compile(r"([ \t]*)(?:[%!?][^\n]*|[\w.,\[\] \t]+=[ \t]*[%!][^\n]*|[\w.%]+\?\??[ \t]*)(?=\n|$)")
+TO_THE_END = r"(?:\\\n|[^\n])*"
+"""The rest of a line, and of those in which it goes on."""
+
+MAGIC = re.compile(rf"([ \t]*)(?:[%!?]{TO_THE_END}|[\w.,\[\] \t]+=[ \t]*[%!]{TO_THE_END}|[\w.%]+\?\??[ \t]*)(?=\n|$)")
 """A line that only IPython understands: `%matplotlib inline`, `!pip list`, `?name`, `x = !ls`, `name?`."""
 
 
@@ -75,7 +78,7 @@ def drop_magics(source: str) -> str:
     while at < len(source):
         magic = MAGIC.match(source, at) if is_start else None
         if magic is not None:
-            parts.append(f"{magic[1]}pass")
+            parts.append(f"{magic[1]}pass" + "\n" * magic[0].count("\n"))
             at, is_start = magic.end(), False
             continue
         token = TOKEN.match(source, at)

@@ -10,6 +10,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,11 @@ SIMULATIONS = ("sim", "simlab")
 """What a fence may begin with in place of `lab simlab`."""
 
 NO_NUMBER = "the text of the lesson is left out: its file has no number; name it such as 1.3-integrators.md"
+
+
+QUIZ_FENCE = "quiz"
+NEAR = 0.75
+"""How much another word is like it that is taken for a slip: `quizz`, `Quiz`, `quizzes` no more."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +102,9 @@ def import_lesson(markdown: str, name: str = "lesson", folder: Path | None = Non
     reading.addresses = addresses
     for token in text.fences:
         reading.read_block(text, read_fenced_block(token, text))
+    for token in text.quoted:
+        if QUIZ_FENCE in token.info.split()[:1]:
+            reading.remark((token.map or (0, 0))[0] + 1, "a quiz in a quotation stays text: take the > away to ask it")
     title = text.find_title() or str(head.get("title") or name)
     asks = bool(reading.quizzes)
     reading.finish(title)
@@ -159,7 +168,7 @@ class _Reading:
         """Reads a fenced block, and puts what stands for it into the text."""
         word, *more = block.words or ("",)
         passage: str | None = None
-        if word == "quiz":
+        if word == QUIZ_FENCE:
             passage = self.add_quiz(block)
         elif word == "lab" or word in SIMULATIONS:
             passage = self.add_lab(block, tuple(more[:1]) if word == "lab" else ())
@@ -172,6 +181,8 @@ class _Reading:
             passage = self.write_widget(" ".join(block.words), block)
         elif word in PRINTED:
             passage = write_fence("output", block.text)
+        elif get_close_matches(word.casefold(), [QUIZ_FENCE], 1, NEAR):
+            self.fault(block.line, f"a block {word!r} is read as text, with its answers: begin it with ```{QUIZ_FENCE}")
         if passage is not None:
             text.replace(block.lines, passage)
 

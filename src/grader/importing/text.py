@@ -24,6 +24,8 @@ class Text:
         self.tokens = PARSER.parse(body, self.references)
         self.passages: dict[tuple[int, int], str] = {}
         self.fences = [token for token in self._list_unquoted() if token.type == "fence"]
+        own = set(map(id, self.fences))
+        self.quoted = [token for token in self.tokens if token.type == "fence" and id(token) not in own]
 
     def _list_unquoted(self) -> Iterator[Token]:
         depth = 0

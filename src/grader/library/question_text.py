@@ -36,7 +36,7 @@ def list_places(text: str, file: str) -> Iterator[tuple[str, int, int]]:
 def list_sections(text: str, file: str) -> Iterator[tuple[str, int, int]]:
     """Yields id, begin and end of every question of Markdown: from its heading to the next."""
     starts = parse_quiz(text, file).questions
-    lines = text.splitlines(keepends=True)
+    lines = re.split(r"(?<=\n)", text)  # `splitlines` knows ends that Markdown does not
     for question, line in starts.items():
         begin = line - 1
         end = min((start - 1 for start in starts.values() if start - 1 > begin), default=len(lines))

@@ -1,7 +1,7 @@
 """Reads a quiz in Markdown as the JSON of the same quiz. docs/markdown.md describes the form."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
@@ -13,21 +13,26 @@ from grader.library.json_text import json_faults, parse_json
 from grader.library.markdown.front_matter import read_front_matter, split_front_matter
 from grader.library.markdown.heading import read_heading
 from grader.library.markdown.parser import make_parser, split_blocks
+from grader.library.markdown.slips import (
+    ANSWER,
+    FENCES,
+    TASK,
+    TEXTS,
+    explain_lost_part,
+    explain_slip,
+    is_comment,
+    is_part,
+)
 from grader.library.quiz_source import QuizSource
-
-FENCES = ("lab", "exercise", "starter", "verify", "question", "text")
-"""What fences are called that are no code of the text, behind the name of a language, if there is one."""
-
-TEXTS = {"Explanation": "explain", "Reference": "reference"}
-"""Headings of level 3, and the key of which the text follows."""
 
 WRAPPED = {"explain"}
 """Texts of which a single paragraph stays one; others are the line in it."""
 
-TASK = re.compile(r"\[([ xX])\](?:[ \t]+|$)")
-ANSWER = re.compile(r"Answer:[ \t]*(.*)")
 NUMBER = re.compile(r"[-+\u2212]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?")
 TOLERANCE = re.compile(r"\s*(?:\u00b1|\+-|\+/-)\s*")
+
+AFTER_NUMBER = re.compile(r"\s*[×·*^,]|\.\d|/\s*\d|\s+(?!1/)\d")
+"""What behind a number shows that it goes on: a power, a comma, a fraction, digits behind a blank; `1/s` is a unit."""
 
 PARSER = make_parser(of_lessons=False)
 
@@ -49,6 +54,8 @@ class _Section:
     values: dict[str, Any]
     texts: dict[str, list[tuple[str, bool]]] = field(default_factory=dict)
     target: str = "q"
+    is_late: bool = False
+    """Whether options or an answer stand below a heading of level 3, where they are text."""
 
 
 @dataclass
@@ -61,6 +68,7 @@ class _Reading:
     sections: list[_Section] = field(default_factory=list)
     labs: list[Any] = field(default_factory=list)
     env: dict[str, Any] = field(default_factory=dict)
+    source: Sequence[str] = ()
 
     def fault(self, line: int, why: str) -> None:
         where = f"{self.sections[-1].key}, " if self.sections else ""
@@ -81,7 +89,7 @@ def read_markdown(text: str, file: str) -> QuizSource:
     head = read_front_matter(front, file)
     if isinstance(head, Fault):
         return QuizSource(None, (head,))
-    reading = _Reading(file, {"id": PurePath(file).stem, **head})
+    reading = _Reading(file, {"id": PurePath(file).stem, **head}, source=body.split("\n"))
     try:
         for block in split_blocks(PARSER.parse(body, reading.env)):
             line = (block[0].map or [0])[0] + 1
@@ -107,6 +115,10 @@ def read_markdown(text: str, file: str) -> QuizSource:
 def _read_block(reading: _Reading, block: list[Token], line: int) -> None:
     """Reads one block. Raises _Refused."""
     first = block[0]
+    if why := explain_slip(block, reading.source):
+        raise _Refused(why)
+    if is_comment(first):  # it is the author's own
+        return
     if first.type == "heading_open" and first.tag == "h2":
         _begin_question(reading, block[1].content, line)
         return
@@ -123,6 +135,9 @@ def _read_block(reading: _Reading, block: list[Token], line: int) -> None:
         reading.lines.setdefault(f"{section.key}.{section.target}", line)
         section.texts[section.target] = []
     elif section.target != "q" or not _read_part(reading, block, line):
+        if section.target == "q" and (why := explain_lost_part(block)):
+            raise _Refused(why)
+        section.is_late |= section.target != "q" and is_part(block)
         _read_prose(reading, block)
 
 
@@ -147,6 +162,8 @@ def _read_prose(reading: _Reading, block: list[Token]) -> None:
     section = reading.sections[-1]
     for token in block:
         token.info = ""  # the language of code would become a class, which no page keeps
+        token.attrs.pop("style", None)  # nor the alignment of a column
+        token.children = [child for child in token.children or () if not is_comment(child)]
     is_line = block[0].type == "paragraph_open"
     tokens = block[1:-1] if is_line else block
     markup = PARSER.renderer.render(tokens, PARSER.options, reading.env).removesuffix("\n")
@@ -229,6 +246,8 @@ def _read_options(reading: _Reading, block: list[Token], line: int) -> None:
         if mark is None:
             raise _Refused(f"option {index + 1} has no mark: begin it with [ ] or, if it is right, [x]", at)
         option, why = _read_item(reading, item, mark.end(), at)
+        if not option:
+            raise _Refused(f"option {index + 1} is empty: write its text behind the mark", at)
         options.append(option)
         whys.append(why)
         right += [index] if mark[1] != " " else []
@@ -279,7 +298,7 @@ def _read_answer(reading: _Reading, text: str, line: int) -> None:
         raise _Refused(f"the answer goes on in the next line: leave an empty line below it, and {cure}")
     value, *tolerances = TOLERANCE.split(text.strip())
     match = NUMBER.match(value)
-    if match is None or len(tolerances) > 1:
+    if match is None or AFTER_NUMBER.match(value, match.end()) or len(tolerances) > 1:
         raise _Refused(f"{text.strip()[:40]!r} is no number with a unit and a tolerance: {cure}")
     reading.set("answer", _parse_number(match[0]), line)
     if unit := value[match.end() :].strip():
@@ -325,6 +344,9 @@ def _finish(reading: _Reading, section: _Section) -> dict[str, Any]:
         wraps = name in WRAPPED or not is_line
         values[name] = "".join(f"<p>{part}</p>" if wraps and line else part for part, line in parts)
     values.setdefault("kind", infer_kind(values))
+    if section.is_late and values["kind"] == "open":
+        why = "its options or its answer stand below ### Explanation or ### Reference: move them above"
+        reading.faults.append(Fault(reading.file, f"line {section.line}", f"{section.key}, {why}"))
     return values
 
 

@@ -9,7 +9,8 @@ from typing import Any
 
 from grader.library.markdown.front_matter import write_front_matter
 from grader.library.markdown.heading import write_heading
-from grader.library.markdown.reading import TEXTS, infer_kind, read_markdown
+from grader.library.markdown.reading import infer_kind, read_markdown
+from grader.library.markdown.slips import TEXTS
 
 SHORT = ("id", "kind", "points", "attempts", "label", "reveal")
 """Keys that stand in the braces of a heading where their value is a text, a number or true or false."""
@@ -28,6 +29,10 @@ WIDTH = 100
 """JSON that fits into a line of this length stands in one."""
 
 FILE = "quizzes/written.md"
+
+FOLLOWING_TEXT = "What follows."
+FOLLOWING = f"##\n\n{FOLLOWING_TEXT}\n"
+"""A question behind the one that is read back."""
 
 
 def write_markdown(quiz: Mapping[str, Any]) -> str:
@@ -58,10 +63,11 @@ def write_question(question: Mapping[str, Any]) -> str:
 
 
 def _read_back(text: str) -> dict[str, Any]:
-    """Returns the question that a text gives; nothing where it gives none."""
-    raw = read_markdown(f"\n{text}\n", FILE).raw
+    """Returns the question that a text gives; nothing where it gives none, or takes in what follows it, as an element
+    of HTML does that is not closed."""
+    raw = read_markdown(f"\n{text}\n\n{FOLLOWING}", FILE).raw
     questions = raw.get("questions", []) if raw else []
-    return dict(questions[0]) if len(questions) == 1 else {}
+    return dict(questions[0]) if len(questions) == 2 and questions[1].get("q") == FOLLOWING_TEXT else {}
 
 
 def _write_form(question: Mapping[str, Any], as_json: set[str]) -> str:
@@ -192,8 +198,11 @@ class _Line(HTMLParser):
 
 
 def write_line(text: str) -> str:
-    """Returns an HTML text as a line of Markdown."""
+    """Returns an HTML text as a line of Markdown; empty for one that cannot be."""
     line = _Line()
-    line.feed(text)
-    line.close()
+    try:
+        line.feed(text)
+        line.close()
+    except AssertionError:  # what `html.parser` raises for `<![`
+        return ""
     return "".join(line.parts)
