@@ -14,6 +14,7 @@ from grader.domain.pages.prose import (
     MATHML_ATTRIBUTES,
     MATHML_TAGS,
 )
+from grader.library.checking.prose_remarks import explain_tex
 from grader.web.text.prose import TAGS_MAX, TEX_BUDGET, safe_html
 
 
@@ -80,6 +81,36 @@ def test_a_unit_after_a_formula_stays_on_its_line_if_the_formula_ends_with_a_num
     assert "</math>\u202fms" in safe_html("$h = 5$ ms")
     assert "</math>\u202fs" in safe_html("$10^{-3}$ s")
     assert "</math> s" in safe_html("$x$ s")
+
+
+@pytest.mark.parametrize(
+    ("tex", "rows", "cells"),
+    [
+        (r"\begin{aligned} a &= b \\ c &= d \end{aligned}", 2, 4),
+        (r"\begin{gathered} a = 1 \\ b = 2 \end{gathered}", 2, 2),
+        (r"\begin{dcases} a & x \\ b & y \end{dcases}", 2, 4),
+    ],
+)
+def test_environments_that_the_library_does_not_know_are_shown_as_those_that_are_alike(
+    tex: str, rows: int, cells: int
+) -> None:
+    shown = render_tex(tex)
+    assert (shown.count("<mtr>"), shown.count("<mtd"), "&amp;" in shown) == (rows, cells, False)
+    assert explain_tex(tex) is None
+
+
+@pytest.mark.parametrize(
+    ("tex", "why"),
+    [
+        (r"\begin{aligne} a \end{aligne}", "the environment 'aligne' is not known: did you mean align"),
+        (r"\begin{foo} a \end{foo}", "the environment 'foo' is not known: write it with aligned, cases or matrix"),
+        (r"\begin{aligned} a \end{align}", r"a \begin has no \end of the same name"),
+        (r"\begin{pmatrix} a & b \end{pmatrix}", None),
+    ],
+)
+def test_an_environment_that_is_not_shown_as_it_was_meant_is_remarked(tex: str, why: str | None) -> None:
+    told = explain_tex(tex)
+    assert told is None if why is None else told is not None and told.startswith(why)
 
 
 def test_tex_that_cannot_be_read_is_shown_as_typed() -> None:

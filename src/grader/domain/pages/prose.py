@@ -54,6 +54,12 @@ URL_SCHEMES = frozenset(("http", "https", "mailto"))
 """The addresses that links and pictures may have."""
 
 
+ALIASES = {"aligned": "split", "dcases": "cases", "gathered": "matrix", "gather": "matrix", "gather*": "matrix"}
+"""Environments of TeX, and those of the library that are shown alike."""
+
+ALIASED = re.compile(rf"\\(begin|end){{({'|'.join(map(re.escape, ALIASES))})}}")
+
+
 def render_tex(tex: str, display: str = "inline") -> str:
     """Converts TeX to MathML; TeX that cannot be parsed becomes `<code>`."""
     try:
@@ -69,7 +75,7 @@ def convert_tex(tex: str, display: str = "inline") -> Element:
 
     reader = converter.Converter(display=display)
     reader.macros = _NoMacros()
-    tree = reader.convert_to_element(tex)
+    tree = reader.convert_to_element(ALIASED.sub(lambda match: f"\\{match[1]}{{{ALIASES[match[2]]}}}", tex))
     for element in tree.iter():
         element.text = element.text and html.unescape(element.text)
     return tree

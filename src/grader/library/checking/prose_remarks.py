@@ -10,6 +10,7 @@ from functools import cache
 from grader.domain.pages.markup import quoted
 from grader.domain.pages.media import ADDRESS
 from grader.domain.pages.prose import (
+    ALIASES,
     COMMENT_END,
     DISPLAY,
     HTML_ATTRIBUTES,
@@ -30,6 +31,7 @@ COMMON_TAGS = ("b", "code", "em", "li", "ol", "p", "pre", "table", "ul")
 
 ATTRIBUTE = re.compile(r"""\s([A-Za-z-]+)\s*=\s*(?:"([^"]*)"|'([^']*)'|([^\s"'>]+))""")
 
+ENVIRONMENT = re.compile(r"\\(begin|end)\s*\{([^{}]*)\}")
 UNREAD_COMMAND = re.compile(r"\\[A-Za-z]+")
 ESCAPED = re.compile(r"\\[{}\\]")
 DOLLAR = re.compile(r"(?<!\\)\$")
@@ -89,6 +91,8 @@ def explain_tex(tex: str) -> str | None:
     if braces.count("{") != braces.count("}"):
         side, other = "{}" if braces.count("{") > braces.count("}") else "}{"
         return f"a {side} has no {other}: add it"
+    if why := _explain_environments(tex):
+        return why
     try:
         tree = convert_tex(tex)
     except Exception:  # its errors have no common class
@@ -98,6 +102,23 @@ def explain_tex(tex: str) -> str | None:
             near = get_close_matches(unread[0], _list_commands(), n=1)
             meant = f"did you mean {near[0]}?" if near else "write it with other commands"
             return f"the command {unread[0]} is not known: {meant}"
+    return None
+
+
+def _explain_environments(tex: str) -> str | None:
+    """Returns what is wrong with the environments of a formula: the library shows the parts of one that it does not
+    know in a row, `&` and all."""
+    from latex2mathml import commands
+
+    known = {name.removeprefix("\\") for name in commands.MATRICES} | ALIASES.keys()
+    begun, ended = ([match[2] for match in ENVIRONMENT.finditer(tex) if match[1] == word] for word in ("begin", "end"))
+    for name in begun:
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            meant = f"did you mean {near[0]}?" if near else "write it with aligned, cases or matrix"
+            return f"the environment {name[:40]!r} is not known: {meant}"
+    if sorted(begun) != sorted(ended):
+        return "a \\begin has no \\end of the same name, or the other way round: add it"
     return None
 
 
