@@ -13,6 +13,7 @@ from grader.domain.pages.prose import (
     HTML_TAGS,
     MATHML_ATTRIBUTES,
     MATHML_TAGS,
+    render_tex,
 )
 from grader.library.checking.prose_remarks import explain_tex
 from grader.web.text.prose import TAGS_MAX, TEX_BUDGET, safe_html
