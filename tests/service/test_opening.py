@@ -59,6 +59,7 @@ def test_a_process_that_waits_for_its_database_ends_on_sigterm(command: str, tmp
             wait_for(lambda: "waiting for the database" in log.read_text() or waiting.poll() is not None)
             waiting.terminate()
             waiting.wait(START_S)
+    assert "Traceback" not in log.read_text()
 
 
 @pytest.fixture
