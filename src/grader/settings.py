@@ -192,7 +192,7 @@ class Settings(BaseSettings):
     @field_validator("database_url")
     @classmethod
     def _address_of_a_database(cls, url: str | None) -> str | None:
-        """Refuses what is no address, before a password in it is taken for a host, and told."""
+        """Refuses what is no address. With an unescaped @, half of the password would be logged as the host."""
         if url is None or url.startswith("sqlite:///"):
             return url
         try:

@@ -10,7 +10,7 @@ ROUNDING = 1e-3
 """How far a bracket may miss a limit, relative to it: evidence is rounded."""
 
 RIGHT = "right"
-"""What the line is called where each learner has a right number of their own: all stand in its multiples."""
+"""The name of the line at 1 where each learner has a right number of their own, and answers are in its multiples."""
 
 
 class Position(NamedTuple):
