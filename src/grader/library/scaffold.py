@@ -277,7 +277,7 @@ def write_files(root: Path, files: Mapping[str, bytes]) -> list[Path]:
     missing = {root / path: body for path, body in files.items() if not (root / path).exists()}
     for path, body in files.items():
         if root / path not in missing and (root / path).read_bytes() != body:
-            cure = "rename it first" if path.startswith("models/") else "choose another id"
+            cure = "rename it first" if path.startswith("models/") else "choose another id, or rename it first"
             raise Conflict(f"{root / path} is there already, and is another one: {cure}")
     for place, body in missing.items():
         place.parent.mkdir(parents=True, exist_ok=True)
