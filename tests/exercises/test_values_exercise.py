@@ -142,6 +142,11 @@ def two(a, b):
 """
 
 
+def test_a_program_that_calls_exit_is_a_fault_and_ends_nothing(tmp_path: Path) -> None:
+    with pytest.raises(ContentError, match=r"cases\.0: .*: it calls exit\(\): return a result"):
+        load(folder(tmp_path, "def two(a, b):\n    raise SystemExit(0)\n"))
+
+
 def test_a_program_that_does_not_end_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rehearsal, "limit_lines", partial(limit_lines, lines_max=1_000))
     before = sys.gettrace()

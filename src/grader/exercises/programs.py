@@ -30,8 +30,8 @@ class TooManyLines(ValueError):
 
 
 def limit_lines(function: Callable[[], T], lines_max: int = LINES_MAX) -> T:
-    """Returns what a function returns. Raises TooManyLines where authors' programs run more lines in it. Python 3.11
-    counts no lines in `while True: pass` on one line, later versions do."""
+    """Returns what a function returns. Raises TooManyLines where authors' programs run more lines in it, ValueError
+    where they call exit(). Python 3.11 counts no lines in `while True: pass` on one line, later versions do."""
     left = lines_max
 
     def follow(frame: FrameType, event: str, _: object) -> Any:
@@ -49,6 +49,8 @@ def limit_lines(function: Callable[[], T], lines_max: int = LINES_MAX) -> T:
         return function()
     except End:
         raise TooManyLines(f"it runs more than {lines_max:,} lines: bound its loops") from None
+    except SystemExit as error:  # it would end the grader, and with `exit(0)` as if all were well
+        raise ValueError("it calls exit(): return a result, or raise an exception") from error
     finally:
         sys.settrace(before)
 
@@ -60,7 +62,7 @@ def run_program(path: str, text: str) -> Program:
     try:
         code = compile(text, path, "exec")
         limit_lines(lambda: exec(code, names))  # noqa: S102 - the text is the author's, which is trusted
-    except (Exception, SystemExit) as error:
+    except Exception as error:
         line = f"line {error.lineno}: " if isinstance(error, SyntaxError) else ""
         raise ValueError(f"{path}: {line}{type(error).__name__}: {error}") from error
     return MappingProxyType(names)
