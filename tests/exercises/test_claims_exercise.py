@@ -243,7 +243,7 @@ def test_nothing_that_is_measured_enters_the_jail(pipeline: Pipeline) -> None:
 @pytest.mark.parametrize(
     ("change", "key", "why"),
     [
-        ({"claims": [{**RATE, "expr": "data.qpos[7]"}]}, "check.claims.0", "no decay rate"),
+        ({"claims": [{**RATE, "expr": "data.qpos[7]"}]}, "check.claims.0", "look at its index"),
         ({"claims": [{**RATE, "expr": "data.qpos["}]}, "check.claims.0.expr", ""),
         ({"claims": [RATE, RATE]}, "check.claims", "one name"),
         ({"claims": [PLACE]}, "check.x", "axis"),

@@ -336,6 +336,8 @@ def test_what_cannot_work_is_a_fault(changes: dict[str, Any], key: str, why: str
         (PROGRAM.replace("np.concatenate(", "np.nope("), "module 'numpy' has no attribute 'nope'"),
         (PROGRAM.replace("data.qvel))", "data.qvel / 0))"), "not finite"),
         ("def observe(", "line 1"),
+        (PROGRAM.replace("rng.uniform", "np.random.uniform"), "the same episode runs otherwise each time: draw from"),
+        (PROGRAM.replace("rng.uniform(1, 2)", "np.nan"), "`reset` of the author's program sets a number of data.qpos"),
     ],
 )
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

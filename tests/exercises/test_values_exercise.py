@@ -275,6 +275,18 @@ def test_rows_one_step_late_are_named(tmp_path: Path) -> None:
     assert "sum is off by one step" in (judged(library, *late).diagnosis or "")
 
 
+UNSEEDED = "import numpy as np\ndef two(a, b):\n    return a + 1e-6 * np.random.default_rng().random(), a * b\n"
+SEEDED_ONCE = """
+import numpy as np
+rng = np.random.default_rng(1)
+def two(a, b):
+    return a + rng.random(), a * b
+"""
+COUNTS = "calls = []\ndef two(a, b):\n    calls.append(a)\n    return a + len(calls), a * b\n"
+REMEMBERS = "sums = []\ndef two(a, b):\n    sums.append(a + b)\n    return sums[0], a * b\n"
+NOISY = "import random\ndef solves(a, b, sum, product):\n    return sum - a - b + 1e-12 * random.random()\n"
+
+
 @pytest.mark.parametrize(
     ("program", "changes", "key", "why"),
     [
@@ -293,6 +305,12 @@ def test_rows_one_step_late_are_named(tmp_path: Path) -> None:
         (PROGRAM, {"functions": [{"results": [{"name": "a", "shape": [9999, 9999]}]}]}, "cases.0", "at most 10000"),
         ("def solves(*_):\n    return []\n", {"functions": BY_RESIDUAL}, "cases.0", "gives no numbers"),
         (PROGRAM, {"functions": [{"results": [{"name": "sum", "shape": [3]}]}]}, "cases.0", "not (3,)"),
+        ("def two(a, b):\n    return [a + b], a * b\n", {}, "cases.0", "sum of the author's program is an array of one"),
+        (UNSEEDED, {}, "cases.0", "two of the author's program gives other results when it is called again: let"),
+        (SEEDED_ONCE, {}, "cases.0", "gives other results when it is called again"),
+        (COUNTS, {}, "cases.0", "gives other results when it is called again"),
+        (REMEMBERS, {}, "cases.1", "gives other results when it is called again"),
+        (NOISY, {"functions": BY_RESIDUAL}, "cases.0", "solves of the author's program gives another residual"),
         (PROGRAM, {"functions": [{"results": [{"name": "a", "shape": ["argument 3"]}]}]}, "cases.0", "argument 3"),
     ],
 )

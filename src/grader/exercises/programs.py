@@ -68,6 +68,11 @@ def run_program(path: str, text: str) -> Program:
     return MappingProxyType(names)
 
 
+def run_again(program: Program, text: str) -> Program:
+    """Returns a program as it is before any call, run anew from its `text`. Raises ValueError if that fails."""
+    return run_program.__wrapped__(str(program["__file__"]), text)
+
+
 def load_program(path: str, text_of: TextOf, key: str, *functions: str) -> Program:
     """Returns a program of the content folder that defines `functions`. Raises WrongParameter."""
     try:

@@ -32,6 +32,15 @@ class Environment:
             raise ValueError(f"it must define one of the functions {', '.join(FUNCTIONS)}")
         return cls(**functions)
 
+    def begin(self, model: mujoco.MjModel, data: mujoco.MjData, rng: np.random.Generator) -> None:
+        """Has the program change the start, and forwards it. Raises ValueError for a state that is not finite."""
+        assert self.reset is not None
+        self.reset(model, data, rng)
+        for name in ("qpos", "qvel", "act", "ctrl"):
+            if not np.isfinite(getattr(data, name)).all():
+                raise ValueError(f"`reset` of the author's program sets a number of data.{name} that is not finite")
+        mujoco.mj_forward(model, data)
+
     def read_observation(self, model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
         """Returns what the program observes, in one row. Raises ValueError for what is no finite number."""
         assert self.observe is not None

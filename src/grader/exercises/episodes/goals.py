@@ -9,6 +9,9 @@ from grader.exercises.episodes.parameters import Goal, GoalName, Problem
 from grader.exercises.episodes.simulating import Floats, Mask, Record
 from grader.numerics.shares import bound_share
 
+OFTEN = 0.1
+"""The share of time at each of both ends from which on a control switches between them."""
+
 
 def measure_goal(goal: Goal, record: Record) -> float:
     """Returns the measure of a goal. Where the episode did not reach its end, or nothing is left to measure, it is inf,
@@ -151,3 +154,11 @@ def measure_saturation(problem: Problem, record: Record) -> float:
     low, high = model.actuator_ctrlrange.T
     beyond = (record.asked >= high) | (record.asked <= low)
     return float(np.mean((beyond & model.actuator_ctrllimited.astype(bool)).any(axis=1)))
+
+
+def switches_ends(problem: Problem, record: Record) -> bool:
+    """Whether the controls are at or beyond both limits of an actuator, each for a share OFTEN of the time."""
+    model = problem.model
+    low, high = model.actuator_ctrlrange.T
+    ends = (np.mean(record.asked <= low, axis=0), np.mean(record.asked >= high, axis=0))
+    return bool(((np.minimum(*ends) >= OFTEN) & model.actuator_ctrllimited.astype(bool)).any())

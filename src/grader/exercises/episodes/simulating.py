@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -77,8 +76,7 @@ class EpisodeRun:
         self.plant = Plant(self.episode.scene)
         self._rng = np.random.default_rng(self.episode.seed)
         if problem.environment.reset is not None:
-            problem.environment.reset(self.plant.model, self.plant.data, np.random.default_rng([self.episode.seed, 1]))
-            mujoco.mj_forward(self.plant.model, self.plant.data)
+            problem.environment.begin(self.plant.model, self.plant.data, np.random.default_rng([self.episode.seed, 1]))
         self._track = self.plant.find_sensor(parameters.track)
         data, noise = self.plant.data, self.episode.noise
         self._state, self._sensors = (data.qpos, data.qvel, data.act), data.sensordata

@@ -125,10 +125,15 @@ class Bench:
             column = series[:, 0]
         value = read_value(claim, np.array(run.times), column, at_s)
         if not np.isfinite(value):
-            raise RegimeFailure(
-                "finite", f"the run has no {claim.quantity.replace('_', ' ')}: make it longer, or mend expr"
-            )
+            raise RegimeFailure("finite", explain_missing(claim, column))
         return run, value
+
+
+def explain_missing(claim: Claim, values: Floats) -> str:
+    """Returns why a series has not the number of a claim."""
+    if not np.isfinite(values).any():
+        return f"{claim.expr} never gives one finite number: look at its index, or choose one number of several"
+    return f"the run has no {claim.quantity.replace('_', ' ')}: make it longer, or mend expr"
 
 
 def read_value(claim: Claim, times: Floats, values: Floats, at_s: float = 0.0) -> float:

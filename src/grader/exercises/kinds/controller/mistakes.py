@@ -6,7 +6,7 @@ from math import degrees
 
 import numpy as np
 
-from grader.exercises.episodes.goals import measure_saturation
+from grader.exercises.episodes.goals import measure_saturation, switches_ends
 from grader.exercises.episodes.judge import EpisodeOutcome
 from grader.exercises.episodes.parameters import Problem
 from grader.exercises.episodes.simulating import Floats, Record, list_widths
@@ -77,6 +77,14 @@ SUM_SIGN = "The sum of the errors acts with the wrong sign: it pushes away from 
 SATURATES = (
     "Most of the time the controls are beyond what the actuator gives: it switches from one end to the other. Lower "
     "the gains."
+)
+ONE_END = (
+    "Most of the time the controls are at one end of what the actuator gives: look for a wrong sign, an angle in "
+    "degrees, or a gain that is far too large."
+)
+HELD = (
+    "The controls stay at one end of what the actuator gives: either the function does not use what it observes, or a "
+    "sign is wrong, so that it pushes away from the target until it is cut there."
 )
 HANGS = (
     "It comes to rest beside the target: gains on the error and on its rate alone hold a constant load, such as "
@@ -155,12 +163,12 @@ def is_first_alone(judged: Judged) -> bool:
 
 def find_sentences(parameters: ControllerParameters, judged: Judged, record: Record) -> Iterator[str]:
     """Yields the sentences that hold of an episode, the most telling first."""
+    limited = measure_saturation(judged.problem, record)
     if np.ptp(record.asked, axis=0).max() == 0 and len(record.time_s) > 1:
-        yield NOTHING
+        yield HELD if limited else NOTHING
         return
     track = find_columns(parameters, judged.problem)[parameters.track]
     law = fit_law(record, track=track, has_target=parameters.has_target)
-    limited = measure_saturation(judged.problem, record)
     if law is not None:
         if law.stale:
             yield STALE
@@ -181,7 +189,7 @@ def find_sentences(parameters: ControllerParameters, judged: Judged, record: Rec
                 sentence for sentence in find_wrong_gains(parameters, judged.problem, rough) if sentence in wrong_signs
             )
     if limited > SATURATED:
-        yield SATURATES
+        yield SATURATES if switches_ends(judged.problem, record) else ONE_END
     if law is not None and not law.integral and rests_beside_target(record):
         yield HANGS
 

@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from inspect import getsource
 from typing import Any
 
+import numpy as np
+
 from grader.domain.axes import Placed
 from grader.exercises.episodes.environment import NO_ENVIRONMENT, Environment
 from grader.exercises.episodes.films import record_films
@@ -13,7 +15,7 @@ from grader.exercises.episodes.judge import bound_luck
 from grader.exercises.episodes.parameters import EpisodesCase, Problem, check_names, pose_case
 from grader.exercises.episodes.pictures import build_evidence
 from grader.exercises.episodes.placing import place_episodes
-from grader.exercises.episodes.simulating import EpisodeRun, list_constant_laws, simulate_law
+from grader.exercises.episodes.simulating import EpisodeRun, Record, list_constant_laws, simulate_law
 from grader.exercises.film import Film
 from grader.exercises.kind import Content, DrawnCase, JudgedTrial, Judgement, Kind, Results, Trial
 from grader.exercises.kinds.policy import driver, onnx
@@ -25,6 +27,10 @@ from grader.exercises.kinds.policy.variants import list_columns
 from grader.exercises.parameters import WrongParameter
 from grader.exercises.programs import load_program
 from grader.questions.kinds.script import ScriptQuestion
+
+NOT_REPEATED = (
+    "the same episode runs otherwise each time: draw from the `rng` of `reset` alone, and keep nothing between calls"
+)
 
 PERIODS_REHEARSED = 20
 BEYOND = 1e6
@@ -66,8 +72,11 @@ class Policy(Kind[PolicyParameters, Problem, Any]):
         if known is not None and not len(known.mean) == len(known.std) == width:
             raise WrongParameter("normalisation", f"needs {width} numbers each, one for each observation")
         _, law = list_constant_laws(problem, has_target=False)[0]
+        periods = min(PERIODS_REHEARSED, problem.periods)
         with blame_program(parameters):
-            record = simulate_law(parameters, problem, 0, law, min(PERIODS_REHEARSED, problem.periods))
+            record, again = (simulate_law(parameters, problem, 0, law, periods) for _ in range(2))
+            if not is_repeated(record, again):
+                raise ValueError(NOT_REPEATED)
         if record.lost_at_s is not None:
             raise ValueError("the simulation blows up without any control: take a shorter timestep")
 
@@ -110,6 +119,14 @@ class Policy(Kind[PolicyParameters, Problem, Any]):
         """Returns 1 if a law that looks at nothing passes one of the episodes, and 0 if none does."""
         (trial,) = trials
         return bound_luck(parameters, trial.problem)
+
+
+def is_repeated(record: Record, again: Record) -> bool:
+    """Whether an episode is the same in every bit when it is simulated again."""
+    return record.is_over == again.is_over and all(
+        np.array_equal(getattr(record, name), getattr(again, name), equal_nan=True)
+        for name in ("time_s", "qpos", "observed", "rewards")
+    )
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from grader.exercises.episodes.goals import measure_saturation
+from grader.exercises.episodes.goals import measure_saturation, switches_ends
 from grader.exercises.episodes.parameters import Problem
 from grader.exercises.episodes.simulating import Record
 from grader.exercises.kind import JudgedTrial
@@ -42,6 +42,10 @@ SATURATES = (
     "Nearly always the controls are beyond what the actuators give: it switches from one end to the other. Scale the "
     "outputs to the actuators' ranges."
 )
+ONE_END = (
+    "Nearly always the controls are at one end of what the actuators give: look for a wrong sign, or for outputs that "
+    "are not scaled to the actuators' ranges."
+)
 TUNED = (
     "The policy works in the episodes that you see, not in the hidden ones, whose starts and models are drawn: it was "
     "trained on too few. Train on starts and models drawn from the ranges of the exercise."
@@ -75,8 +79,10 @@ def explain_motion(judged: Judged, outcome: SimulatedPolicy) -> str | None:
     ignored = np.flatnonzero(~outcome.network.layers[0][0].any(axis=1))
     if len(ignored):
         return IGNORES.format(names=" and ".join(judged.trial.inputs["observed"][i] for i in ignored))
-    saturated = [measure_saturation(judged.problem, record) for record in outcome.list_failed()]
-    return SATURATES if saturated and np.mean(saturated) > SATURATED else None
+    failed = outcome.list_failed()
+    if not failed or np.mean([measure_saturation(judged.problem, record) for record in failed]) <= SATURATED:
+        return None
+    return SATURATES if any(switches_ends(judged.problem, record) for record in failed) else ONE_END
 
 
 def explain_layers(network: Network, record: Record) -> str | None:

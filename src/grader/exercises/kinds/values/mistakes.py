@@ -1,5 +1,6 @@
 """Recognises mistakes in any `values` exercise: computes what each gives, and compares with the student's results."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -35,6 +36,8 @@ SWAPS_MAX = 4
 DECIMALS = range(1, 9)
 """Decimals to which a result may be rounded."""
 
+PLURALS = {"is": "are", "has": "have", "was": "were"}
+
 PATTERN_MIN = 3
 """Fewer numbers than this show no pattern."""
 
@@ -43,7 +46,7 @@ def name_the_mistake(parameters: ValuesParameters, judged: Sequence[JudgedTrial[
     """Returns the sentence for the first function that is wrong: the mistake and the cure; None if no mistake fits."""
     calls = list_calls(judged)
     sentence = find_mistake(calls)
-    return add_function(sentence, parameters, calls) if sentence else None
+    return add_function(write_plural(sentence, calls), parameters, calls) if sentence else None
 
 
 def name_by_edits(
@@ -65,6 +68,14 @@ def list_calls(judged: Sequence[JudgedTrial[Problem, Comparisons]]) -> list[Stud
         if trial.problem.name == first
         for compared in trial.judgement.outcome
     ]
+
+
+def write_plural(sentence: str, calls: Sequence[StudentCall]) -> str:
+    """Returns a sentence with its verb in the plural where it begins with the names of several results."""
+    name = "|".join(re.escape(result.name) for result in calls[0].problem.function.results)
+    return re.sub(
+        rf"^((?:{name})(?: and (?:{name}))+) ({'|'.join(PLURALS)}) ", lambda at: f"{at[1]} {PLURALS[at[2]]} ", sentence
+    )
 
 
 def add_function(sentence: str, parameters: ValuesParameters, calls: Sequence[StudentCall]) -> str:

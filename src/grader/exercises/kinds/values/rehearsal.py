@@ -1,48 +1,93 @@
 """Rehearses the calls of a case with the author's program."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from grader.exercises.kinds.values.judging.driver import Rows
 from grader.exercises.kinds.values.judging.problem import Call
 from grader.exercises.kinds.values.parameters import Problem
-from grader.exercises.programs import limit_lines
+from grader.exercises.programs import limit_lines, run_again
 
 REHEARSED = (0.0, 1.0, 0.5, -1.0)
 """Numbers with which a residual is tried when content is loaded."""
 
 
+CURE = "let nothing but its arguments decide: draw with np.random.default_rng(a number), and keep nothing between calls"
+
+
 def rehearse_call(problem: Problem, call: Call) -> None:
-    """Raises ValueError if the author's program gives no results, or others than are declared."""
+    """Raises ValueError if the author's program gives no results, others than are declared, or others each time."""
     shapes = problem.list_shapes(call)
     try:
         expected = limit_lines(lambda: problem.compute_expected(call))
     except Exception as error:  # an author's program may raise anything
         raise ValueError(f"the author's program fails: {type(error).__name__}: {error}") from error
+    again = compute_again(problem, lambda problem: problem.compute_expected(call))
+    if not all(are_equal(expected, other) for other in again):
+        raise ValueError(f"{problem.name} of the author's program gives other results when it is called again: {CURE}")
     if expected is None:
         rehearse_residual(problem, call, [shape or () for shape in shapes])
         return
     for result, right, shape in zip(problem.function.results, expected, shapes, strict=True):
         if shape not in (None, right.shape):
             raise ValueError(f"{result.name} of the author's program has the shape {right.shape}, not {shape}")
+        if shape is None and right.shape == (1,):
+            why = "is an array of one number, so that a plain number would be wrong"
+            raise ValueError(f"{result.name} of the author's program {why}: return a number, or declare `shape`")
+
+
+def compute_again(problem: Problem, compute: Callable[[Problem], tuple[Rows, ...] | None]) -> list[Any]:
+    """Returns what is computed twice by the author's program run anew: of a program that was called before in this
+    process, and of one that was not. Raises ValueError if it fails now."""
+    fresh = replace(problem, program=run_again(problem.program, problem.text))
+    try:
+        return [limit_lines(lambda: compute(fresh)) for _ in range(2)]
+    except Exception as error:  # an author's program may raise anything
+        why = f"{type(error).__name__}: {error}"
+        raise ValueError(f"the author's program fails when it is called again: {why}") from error
+
+
+def are_equal(one: tuple[Rows, ...] | None, other: tuple[Rows, ...] | None) -> bool:
+    """Whether results agree in every bit."""
+    if one is None or other is None:
+        return one is other
+    return all(map(np.array_equal, one, other))
 
 
 def rehearse_residual(problem: Problem, call: Call, shapes: Sequence[tuple[int, ...]]) -> None:
     """Raises ValueError if the residual gives no numbers for results of the declared shapes, whatever they hold."""
     why = ""
     for number in REHEARSED:
+        results = tuple(np.full(shape, number) for shape in shapes)
         try:
-            rest = problem.compute_remainder(call, tuple(np.full(shape, number) for shape in shapes))
+            rest = problem.compute_remainder(call, results)
         except Exception as error:  # it may raise for numbers that are far from right
             why = why or f"raises {type(error).__name__}: {error}"
             continue
         if rest is None or rest.size:
+            require_equal_residuals(problem, call, results, rest)
             return
         why = "gives no numbers, so that nothing is judged"
     named = ", ".join(f"{result.name} {shape}" for result, shape in zip(problem.function.results, shapes, strict=True))
     assert problem.function.residual is not None
     raise ValueError(f"{problem.function.residual.function} {why}, for results of the shapes {named}: declare `shape`")
+
+
+def require_equal_residuals(problem: Problem, call: Call, results: tuple[Rows, ...], rest: Rows | None) -> None:
+    """Raises ValueError if the residual of the same results is another one each time."""
+    for other in compute_again(problem, lambda problem: pack(problem.compute_remainder(call, results))):
+        if not are_equal(pack(rest), other):
+            assert problem.function.residual is not None
+            name = problem.function.residual.function
+            raise ValueError(f"{name} of the author's program gives another residual when it is called again: {CURE}")
+
+
+def pack(rest: Rows | None) -> tuple[Rows, ...] | None:
+    """Returns a residual as results are kept."""
+    return None if rest is None else (rest,)
 
 
 TRIED = 8
