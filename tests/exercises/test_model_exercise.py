@@ -222,6 +222,8 @@ def test_every_variant_is_another_model_with_a_sentence() -> None:
         ({"start": {"knee": 1}}, "check.cases.0", "the joint 'knee', which the reference lacks"),
         ({"goals": [{"same": ["model.body('arm').mass"]}]}, "check.cases.0.goals.0.same", "the reference has no 'arm'"),
         ({"goals": [{"same": ["model.nope"]}]}, "check.cases.0.goals.0.same", "raises AttributeError"),
+        ({"goals": [{"same": ["fullinertia('arm')"]}]}, "check.cases.0.goals.0.same", "the reference has no 'arm'"),
+        ({"goals": [{"same": ["model.body('hand').inertia"]}]}, "check.cases.0.goals.0", "Write fullinertia("),
         ({"seconds": 60, "goals": [{"same": ["data.time"]}]}, "check.cases.0", "more than 20000 steps"),
     ],
 )

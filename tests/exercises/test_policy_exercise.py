@@ -312,7 +312,8 @@ def test_an_environment_of_the_author_earns_what_gymnasium_says(pipeline: Pipeli
     [
         ({"program": None}, "sled.check.observe", "give sensors"),
         ({"observe": ["place"]}, "sled.check.observe", "defines no function observe"),
-        ({"observe": ["place", "wrong"], "program": None}, "sled.check.cases.0", "no sensor 'wrong'"),
+        ({"observe": ["place", "wrong"], "program": None}, "sled.check.observe.1", "no sensor 'wrong'"),
+        ({"track": "plase"}, "sled.check.track", "no sensor 'plase'; it has: place"),
         ({"observe": ["qpos", "qvel"], "program": None}, "sled.check.goals", "`return` needs a `program`"),
         ({"goals": [{"goal": "return", "max": 3}]}, "sled.check.goals.0", '"max" is not for "return"'),
         ({"form": {"kind": "linear", "hidden": [3]}}, "sled.check.form", '"hidden" is for "mlp" alone'),

@@ -275,6 +275,12 @@ def test_rows_one_step_late_are_named(tmp_path: Path) -> None:
     assert "sum is off by one step" in (judged(library, *late).diagnosis or "")
 
 
+SLED = {
+    "id": "a",
+    "arguments": [1, 2],
+    "xml": "<mujoco><worldbody><body><joint type='slide'/><geom size='1' mass='1'/></body></worldbody></mujoco>",
+}
+MASS: dict[str, Any] = {"numbers": {"mass": {"element": "body/geom", "attribute": "mass"}}}
 UNSEEDED = "import numpy as np\ndef two(a, b):\n    return a + 1e-6 * np.random.default_rng().random(), a * b\n"
 SEEDED_ONCE = """
 import numpy as np
@@ -305,7 +311,34 @@ NOISY = "import random\ndef solves(a, b, sum, product):\n    return sum - a - b 
         (PROGRAM, {"functions": [{"results": [{"name": "a", "shape": [9999, 9999]}]}]}, "cases.0", "at most 10000"),
         ("def solves(*_):\n    return []\n", {"functions": BY_RESIDUAL}, "cases.0", "gives no numbers"),
         (PROGRAM, {"functions": [{"results": [{"name": "sum", "shape": [3]}]}]}, "cases.0", "not (3,)"),
-        ("def two(a, b):\n    return [a + b], a * b\n", {}, "cases.0", "sum of the author's program is an array of one"),
+        (
+            "def two(a, b):\n    return [a + b], a * b\n",
+            {},
+            "cases.0",
+            "sum of the author's program is an array of one",
+        ),
+        (
+            "def two(a, b):\n    return a * 1e150, b\n",
+            {},
+            "cases.0",
+            "sum of the author's program is as large as 2e+150",
+        ),
+        (
+            PROGRAM,
+            {"cases": [{**SLED, "start": {"qpos": [1, 2]}}]},
+            "cases.0.start.qpos",
+            "2 numbers; data.qpos of the",
+        ),
+        (PROGRAM, {"cases": [{**SLED, "set": {"mass": -1}}], **MASS}, "cases.0.set.mass", "with mass = -1 the model"),
+        (
+            PROGRAM,
+            {
+                "cases": [{**SLED, "set": {"mass": 1}}],
+                "numbers": {"mass": {**MASS["numbers"]["mass"], "attribute": "m"}},
+            },
+            "numbers.mass.attribute",
+            "unrecognized attribute: 'm'",
+        ),
         (UNSEEDED, {}, "cases.0", "two of the author's program gives other results when it is called again: let"),
         (SEEDED_ONCE, {}, "cases.0", "gives other results when it is called again"),
         (COUNTS, {}, "cases.0", "gives other results when it is called again"),
@@ -474,7 +507,8 @@ def test_the_authors_program_makes_arguments_of_the_drawn_numbers_and_they_are_c
         "def arguments(model, numbers, rng):\n    return 1 / 0": "ZeroDivisionError",
         "def arguments(model, numbers, rng):\n    return 5": "must return a list, not int",
         "def arguments(model, numbers, rng):\n    return [1] * 21": "at most 20",
-        "def arguments(model, numbers, rng):\n    return [float('nan')]": "made.py must be a finite number",
+        "def arguments(model, numbers, rng):\n    return [float('nan')]": '"model" or "data", and has nan or inf',
+        "def arguments(model):\n    return [1]": "makes arguments has the parameters (model, numbers, rng)",
         "def arguments(model, numbers, rng):\n    return [1, 'word']": "argument 2 of programs/made.py must be",
         "def arguments(model, numbers, rng):\n    return ['data']": "has no model",
         "def arguments(model, numbers, rng):\n    return [[0.0] * 10001]": "at most 10000",

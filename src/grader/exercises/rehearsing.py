@@ -5,19 +5,29 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+import mujoco
 from pydantic import ValidationError
 
 from grader.domain.misread import explain_misread
 from grader.domain.plugins import describe_error
 from grader.errors import Fault, GraderError
 from grader.exercises.kind import Content, TextOf
-from grader.exercises.parameters import Case, ExerciseParameters, WrongInCase, list_ends, list_keys
+from grader.exercises.parameters import (
+    Case,
+    ExerciseParameters,
+    WrongInCase,
+    WrongParameter,
+    list_ends,
+    list_keys,
+    write_numbers,
+)
 from grader.exercises.running.planning import (
     SEED,
     AnyKind,
     AnyTrial,
     build_case_trials,
     load_kinds,
+    read_model,
     read_parameters,
     refuse_text,
 )
@@ -93,7 +103,10 @@ def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content
         try:
             trials.extend(rehearse_case(kind, parameters, content, index, kind.rehearse))
         except Exception as error:  # code of another package: anything may be raised
-            yield find_key(error, key), explain_refusal(kind, error)
+            yield find_wrong_number(parameters, case, content, key) or (
+                find_key(error, key),
+                explain_refusal(kind, error),
+            )
     ids_of_trials = [trial.id for trial in trials] if len({*ids}) == len(ids) else []  # else the case is the fault
     if repeated := next((id_ for id_ in ids_of_trials if ids_of_trials.count(id_) > 1), None):
         yield "", f"the kind makes several trials with the id {repeated!r}: its build_trials must name each by its case"
@@ -108,6 +121,27 @@ def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content
 def find_key(error: Exception, case: str) -> str:
     """Returns the key of what an error is about, below `check`; `case` is that of the case."""
     return f"{case}.{error.key_in_case}" if isinstance(error, WrongInCase) else str(getattr(error, "key", case))
+
+
+def find_wrong_number(parameters: ExerciseParameters, case: Case, content: Content, key: str) -> tuple[str, str] | None:
+    """Returns key and reason of the number with which a model does not compile that does as it is written; None if
+    there is none."""
+    try:
+        written = read_model(parameters, case, content.model_xml)
+        mujoco.MjModel.from_xml_string(written)
+    except (ValueError, mujoco.FatalError, GraderError):
+        return None
+    for end in list_ends(case):
+        for name, value in end.set.items():
+            assert not isinstance(value, tuple)
+            try:
+                mujoco.MjModel.from_xml_string(write_numbers(written, parameters.numbers, {name: value}))
+            except WrongParameter:
+                return None
+            except (ValueError, mujoco.FatalError) as error:
+                at = f"numbers.{name}.attribute" if "attribute" in str(error) else f"{key}.set.{name}"
+                return at, f"with {name} = {value:g} the model cannot be compiled: {' '.join(str(error).split())}"
+    return None
 
 
 def explain_refusal(kind: AnyKind, error: Exception) -> str:

@@ -1,9 +1,9 @@
 """The parameters of exercises about episodes, and the episodes that they define."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, Self
+from typing import Literal, Self, TypeVar
 
 import mujoco
 import numpy as np
@@ -30,6 +30,8 @@ ASKS_MAX = 100_000
 
 STEPS_MAX = 2_000_000
 """Most steps of the simulation in one exercise."""
+
+T = TypeVar("T")
 
 GoalName = Literal["rms", "error", "overshoot", "settling", "effort", "energy", "chatter", "range", "return"]
 
@@ -205,17 +207,29 @@ def pose_case(
     return Problem(case, tuple(episodes), steps, periods, model, environment)
 
 
+def find_named(find: Callable[[str], T], name: str, key: str) -> T:
+    """Returns what is found by a name. Raises WrongParameter at `key` where there is nothing."""
+    try:
+        return find(name)
+    except KeyError as error:
+        raise WrongParameter(key, str(error.args[0])) from error
+
+
 def check_names(parameters: EpisodesParameters, problem: Problem) -> None:
     """Raises ValueError or KeyError where a name in the parameters is not one of the model, or is no number."""
     plant = Plant(problem.episodes[0].scene)
-    for name in (parameters.track, *(goal.sensor for goal in parameters.goals if goal.sensor)):
-        where = plant.find_sensor(name)
+    measured = {f"goals.{index}.sensor": goal.sensor for index, goal in enumerate(parameters.goals) if goal.sensor}
+    for key, name in {"track": parameters.track, **measured}.items():
+        where = find_named(plant.find_sensor, name, key)
         if where.stop - where.start != 1:
-            raise WrongParameter("track", f"sensor {name!r} has more than one number")
-    for name in parameters.observe:
-        plant.find_reading(name)
+            raise WrongParameter(key, f"sensor {name!r} has more than one number")
+    for index, name in enumerate(parameters.observe):
+        find_named(plant.find_reading, name, f"observe.{index}")
     if problem.environment.reward is None and any(goal.goal == "return" for goal in parameters.goals):
-        raise WrongParameter("goals", "`return` needs a `program` that defines reward(model, data, controls)")
+        why = (
+            "`return` needs a `program` that defines reward(model, data, controls), which `policy` exercises alone have"
+        )
+        raise WrongParameter("goals", why)
     if problem.case.load is not None:
         plant.find_dof(problem.case.load.joint)
     if problem.case.target and [step.at_s for step in problem.case.target] != sorted(

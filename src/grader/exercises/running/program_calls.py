@@ -32,6 +32,9 @@ OF_PROGRAM = {
 }
 """How the jail speaks of a script, and how it is said of a program."""
 
+OF_STARTER = "keep the parameters of the starter"
+OF_ARGUMENTS = "a program that makes arguments has the parameters (model, numbers, rng)"
+
 log = structlog.get_logger()
 
 
@@ -195,7 +198,8 @@ def explain_end(reason: str, call: ProgramCall) -> str:
     """Returns why a program ended, from what the jail says of a script."""
     for of_script, of_program in OF_PROGRAM.items():
         reason = reason.replace(of_script, of_program)
-    return f"{call.path}: {call.function}: {explain_error(reason.replace('your script', call.path))}"
+    why = explain_error(reason.replace("your script", call.path)).replace(f"{OF_STARTER}, in their order", OF_STARTER)
+    return f"{call.path}: {call.function}: {why.replace(OF_STARTER, OF_ARGUMENTS)}"
 
 
 def call_here(call: ProgramCall) -> dict[str, Any]:

@@ -124,8 +124,12 @@ def evaluate_all(model: mujoco.MjModel, data: mujoco.MjData, codes: Mapping[str,
 
 def evaluate(model: mujoco.MjModel, data: mujoco.MjData, code: Any) -> Any:
     """Returns the value of one expression of the author's."""
+    names = {
+        "model": model, "data": data, "mujoco": mujoco, "np": np,
+        "fullinertia": lambda name: compute_full_inertia(model, name),
+    }  # fmt: skip
     try:
-        value = np.asarray(eval(code, {"model": model, "data": data, "mujoco": mujoco, "np": np}), dtype=float)  # noqa: S307
+        value = np.asarray(eval(code, names), dtype=float)  # noqa: S307
     except KeyError as error:
         named = re.search(r"Invalid name '(.*?)'", str(error))
         return {"missing": named[1] if named else str(error)[:100]}
@@ -134,6 +138,16 @@ def evaluate(model: mujoco.MjModel, data: mujoco.MjData, code: Any) -> Any:
     if value.size > NUMBERS_MAX:
         return {"raised": f"more than {NUMBERS_MAX} numbers"}
     return plain(value)
+
+
+def compute_full_inertia(model: mujoco.MjModel, name: str) -> list[float]:
+    """Returns the inertia of a body [kg m^2] about its centre of mass, along the axes of the body, as MJCF's
+    `fullinertia` has it: xx, yy, zz, xy, xz, yz. The principal moments are in an order that the compiler chooses."""
+    body, turned = model.body(name), np.zeros(9)
+    mujoco.mju_quat2Mat(turned, body.iquat)
+    frame = turned.reshape(3, 3)
+    matrix = frame @ np.diag(body.inertia) @ frame.T
+    return [float(matrix[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
 
 
 def plain(value: Any) -> Any:

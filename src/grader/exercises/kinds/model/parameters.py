@@ -1,6 +1,7 @@
 """The parameters of a `model` exercise, and the problem of a case."""
 
 import ast
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Self
@@ -26,6 +27,7 @@ STEPS_MAX = 20_000
 NAMES = {
     "model",
     "data",
+    "fullinertia",
     "np",
     "mujoco",
     "abs",
@@ -41,6 +43,9 @@ NAMES = {
     "all",
 }
 """What an expression may name, beside its own variables."""
+
+MOMENTS = re.compile(r"model\.body\(.*\)\.inertia|model\.body_inertia(?:\[.*\])?")
+"""Expressions that are not the same in every right model."""
 
 
 class Goal(Strict):
@@ -62,6 +67,9 @@ class Goal(Strict):
             raise ValueError('give "same" or "within"')
         for expression in (*self.same, *self.within):
             check_expression(expression)
+        if moments := next(filter(MOMENTS.fullmatch, self.same), None):
+            why = "has the principal moments in an order that the compiler chooses: right models differ in it"
+            raise ValueError(f"{moments} {why}. Write fullinertia('name of the body')")
         return self
 
 
@@ -153,9 +161,10 @@ def check_expression(expression: str) -> None:
 
 
 def list_asked_names(expression: str) -> Iterator[tuple[str, str]]:
-    """Yields kind and name of each element that an expression asks for, as in `model.joint('hip')`."""
+    """Yields kind and name of each element that an expression asks for, as in `model.joint('hip')`; the functions that
+    expressions have of their own ask for bodies."""
     for node in ast.walk(ast.parse(expression, mode="eval")):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and len(node.args) == 1:
+        if isinstance(node, ast.Call) and len(node.args) == 1:
             name = getattr(node.args[0], "value", None)
             if isinstance(name, str):
-                yield node.func.attr, name
+                yield "body" if isinstance(node.func, ast.Name) else getattr(node.func, "attr", ""), name

@@ -46,8 +46,7 @@ def read_argument(name: str, value: Any, xml: str) -> Any:
         return value
     array = read_array(value)
     if array is None:
-        type_name = value.get("type") if isinstance(value, dict) else type(value).__name__
-        raise ValueError(f'{name} must be a finite number, an array of them, "model" or "data", not {type_name}')
+        raise ValueError(f'{name} must be a finite number, an array of them, "model" or "data", {say_why_not(value)}')
     if array.ndim == 0:
         return array.item()
     if not array.size:
@@ -55,10 +54,22 @@ def read_argument(name: str, value: Any, xml: str) -> Any:
     return np.asarray(array, dtype=np.float64).tolist()
 
 
+def say_why_not(value: Any) -> str:
+    """Returns what a value that is no argument is instead."""
+    if isinstance(value, dict):
+        return f"not {value.get('type')}"
+    return "and has nan or inf" if holds_numbers(value) else f"not {type(value).__name__}"
+
+
+def holds_numbers(value: Any) -> bool:
+    """Whether a value is a number or an array of numbers, which need not be finite."""
+    try:
+        return np.asarray(value).dtype.kind in "iuf"
+    except (ValueError, TypeError):
+        return False
+
+
 def read_array(value: Any) -> np.ndarray[Any, Any] | None:
     """Returns finite numbers as an array; None for anything else."""
-    try:
-        array = np.asarray(value)
-    except (ValueError, TypeError):
-        return None
-    return array if array.dtype.kind in "iuf" and np.isfinite(array).all() else None
+    array = np.asarray(value) if holds_numbers(value) else None
+    return array if array is not None and np.isfinite(array).all() else None

@@ -22,6 +22,7 @@ from grader.exercises.parameters import (
     Start,
     Strict,
     Values,
+    WrongInCase,
     WrongProgram,
     draw_exactly,
 )
@@ -261,8 +262,17 @@ def pose_case(parameters: ValuesParameters, drawn: DrawnCase[ValuesCase]) -> Pro
     )
     model = compile_model(problem.xml)
     if model is not None:
+        check_start(model, problem.calls[0].start)
         start_data(model, problem.calls[0].start)
     return problem
+
+
+def check_start(model: mujoco.MjModel, start: Mapping[str, Any]) -> None:
+    """Raises WrongInCase for a part of the state that has another number of values in the model."""
+    sizes = {"qpos": model.nq, "qvel": model.nv, "act": model.na, "ctrl": model.nu}
+    for name, size in sizes.items():
+        if start[name] is not None and len(start[name]) != size:
+            raise WrongInCase(f"start.{name}", f"has {len(start[name])} numbers; data.{name} of the model has {size}")
 
 
 def uses_data(function: Function) -> bool:

@@ -15,6 +15,9 @@ REHEARSED = (0.0, 1.0, 0.5, -1.0)
 """Numbers with which a residual is tried when content is loaded."""
 
 
+LARGEST = 1e100
+"""The largest number of a result: squares of it are finite."""
+
 CURE = "let nothing but its arguments decide: draw with np.random.default_rng(a number), and keep nothing between calls"
 
 
@@ -32,6 +35,9 @@ def rehearse_call(problem: Problem, call: Call) -> None:
         rehearse_residual(problem, call, [shape or () for shape in shapes])
         return
     for result, right, shape in zip(problem.function.results, expected, shapes, strict=True):
+        if (largest := float(np.max(np.abs(right), initial=0.0))) > LARGEST:
+            why = f"is as large as {largest:.3g}: at most {LARGEST:g} is compared. Choose another unit"
+            raise ValueError(f"{result.name} of the author's program {why}")
         if shape not in (None, right.shape):
             raise ValueError(f"{result.name} of the author's program has the shape {right.shape}, not {shape}")
         if shape is None and right.shape == (1,):
