@@ -84,6 +84,14 @@ def test_ids_are_given_by_position(root: Path) -> None:
     assert library.warnings == ()
 
 
+def test_comments_of_authors_are_sent_to_nobody(root: Path) -> None:
+    asked = {**MCQ, "q": "Which<!-- the second -->?", "options": ["a", "b <!-- right\n -->"], "whys": ["a <!--", "b."]}
+    write(root, asked)
+    (question,) = load(root).quiz("quiz").questions
+    shown = question.model_dump()
+    assert (shown["q"], shown["options"], shown["whys"]) == ("Which?", ("a", "b "), ("a <!--", "b."))
+
+
 def test_what_is_not_there_is_not_found(root: Path) -> None:
     library = load(root)
     for ask in (

@@ -18,6 +18,7 @@ from grader.library.checking.mjcf import flatten, inline_faults, model_faults
 from grader.library.checking.passed import NOTHING_PASSED, PassedChecks
 from grader.library.checking.schema import name_parts, read_quiz
 from grader.library.checking.semantics import (
+    drop_comments,
     lab_warnings,
     of_unknown_kind,
     prose_warnings,
@@ -135,6 +136,7 @@ def _load_source(loading: _Loading, file: str, text: str, raw: dict[str, Any], o
     """Loads what the file of a quiz says; `own` are the starters that stand in it."""
     media = find_named_media(raw, loading.media)
     place_media(raw, media)
+    drop_comments(raw)
     parsed = read_quiz(raw, file)
     known = [(key, part) for key, part in name_parts(raw) if not of_unknown_kind(part)]
     refused = [fault for key, part in known for fault in inline_faults(part, file, key)]

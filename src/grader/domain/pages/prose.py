@@ -60,6 +60,15 @@ ALIASES = {"aligned": "split", "dcases": "cases", "gathered": "matrix", "gather"
 ALIASED = re.compile(rf"\\(begin|end){{({'|'.join(map(re.escape, ALIASES))})}}")
 
 
+def remove_comments(text: str) -> str:
+    """Returns a text without its comments, as a page shows it; one that is not closed stays."""
+    parts, position = list[str](), 0
+    while (start := text.find("<!--", position)) >= 0 and (end := COMMENT_END.search(text, start)):
+        parts.append(text[position:start])
+        position = end.end()
+    return "".join((*parts, text[position:]))
+
+
 def render_tex(tex: str, display: str = "inline") -> str:
     """Converts TeX to MathML; TeX that cannot be parsed becomes `<code>`."""
     try:

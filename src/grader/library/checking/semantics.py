@@ -10,6 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from grader.domain.lab import Lab, LabConfig, UnknownLab
+from grader.domain.pages.prose import remove_comments
 from grader.domain.run import SOURCE_BYTES_MAX
 from grader.errors import Fault, NotFound
 from grader.labs import lab_kind_of, lab_kinds, name_lab_kind
@@ -108,8 +109,15 @@ def _top_level_names(source: str) -> set[str]:
 
 def prose_warnings(raw: Any, file: str, key: str) -> Iterator[Fault]:
     """Yield a warning for each part of a text that a page does not show as it was meant."""
-    for at, text in _prose(raw, key):
-        yield from (Fault(file, at, why) for why in list_prose_remarks(text))
+    for parts, name, at in _list_prose(raw, key):
+        yield from (Fault(file, at, why) for why in list_prose_remarks(parts[name]))
+
+
+def drop_comments(raw: Any) -> None:
+    """Takes the comments of HTML out of every text that a learner may see: an author's notes are no feedback, and pages
+    do not show them. Lists and objects are changed in place."""
+    for parts, name, _ in _list_prose(raw, ""):
+        parts[name] = remove_comments(parts[name])
 
 
 def question_warnings(quiz: Quiz, file: str) -> Iterator[Fault]:
@@ -142,14 +150,14 @@ def unknown_kind(kind: str) -> str:
     return f"there is no lab {kind!r}{meant}: learners see a placeholder; the kinds are {', '.join(lab_kinds())}"
 
 
-def _prose(raw: Any, key: str) -> Iterator[tuple[str, str]]:
-    """Key and value of every text that a student may see."""
+def _list_prose(raw: Any, key: str) -> Iterator[tuple[Any, Any, str]]:
+    """Yields the list or object, the name in it and the key of every text that a learner may see."""
     items = raw.items() if isinstance(raw, dict) else enumerate(raw) if isinstance(raw, list) else ()
     for name, item in items:
         if not isinstance(item, str):
-            yield from _prose(item, join_key(key, name))
+            yield from _list_prose(item, join_key(key, name))
         elif name in PROSE or (isinstance(raw, list) and PROSE_LISTS.search(key)) or LABELS.search(join_key(key, name)):
-            yield join_key(key, name), item
+            yield raw, name, join_key(key, name)
 
 
 def semantic_faults(
