@@ -13,11 +13,15 @@ GREEK = re.compile(r"\\([A-Za-z][a-z]+)(?![A-Za-z])")
 LONE_BRACKET = re.compile(r"<(?!/?[A-Za-z][^<>$]*>|!--)")
 """A `<` that opens no tag. A tag holds no dollar sign: `$a<b$ and $c>d$` is TeX."""
 
+PICTURE = re.compile(r"""<img\s[^<>]{0,2000}?\balt\s*=\s*(?:"([^"<>]*)"|'([^'<>]*)')[^<>]{0,2000}>""", re.IGNORECASE)
+
 
 def plain_text(markup: str) -> str:
-    """Strip the tags of an HTML fragment, decode its entities and collapse white space; TeX stays as typed. Parses the
-    fragment as HTML5, in time quadratic in the depth of its nesting. Half a surrogate pair becomes a question mark."""
-    fragment = LONE_BRACKET.sub("&lt;", markup).encode(errors="replace").decode()
+    """Strip the tags of an HTML fragment, decode its entities and collapse white space; TeX stays as typed. A picture
+    is its description. Parses the fragment as HTML5, in time quadratic in the depth of its nesting. Half a surrogate
+    pair becomes a question mark."""
+    described = PICTURE.sub(lambda match: match[1] or match[2] or "", markup)
+    fragment = LONE_BRACKET.sub("&lt;", described).encode(errors="replace").decode()
     return " ".join(html.unescape(nh3.clean(fragment, tags=set(), link_rel=None)).split())
 
 
