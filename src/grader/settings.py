@@ -115,13 +115,16 @@ class Settings(BaseSettings):
         default=30, ge=1, description="Days after which idempotency keys and superseded events are deleted."
     )
     rate_per_s: float = Field(
-        default_factory=for_each_process(60.0), gt=0, description="Sustained request rate per user [1/s]."
+        default_factory=for_each_process(60.0),
+        gt=0,
+        allow_inf_nan=False,
+        description="Sustained request rate per user [1/s].",
     )
     rate_burst: int = Field(
         default_factory=for_each_process(300), ge=1, description="Requests that one user may make in a burst."
     )
     address_rate_per_s: float = Field(
-        default_factory=for_each_process(120.0), gt=0,
+        default_factory=for_each_process(120.0), gt=0, allow_inf_nan=False,
         description="Sustained rate of requests without a session, per IPv4 address or IPv6 /64 network [1/s].",
     )  # fmt: skip
     address_rate_burst: int = Field(
