@@ -263,6 +263,12 @@ def test_a_claim_that_cannot_be_measured_is_a_fault(change: dict[str, Any], key:
     assert any(fault.key.endswith(key) and why in fault.why for fault in faults), faults
 
 
+def test_every_claim_that_cannot_be_measured_is_told_at_once() -> None:
+    claims = [{**RATE, "name": name, "expr": expr} for name, expr in (("a", "data.qpos[7]"), ("b", "data.qvel[9]"))]
+    faults = check_exercise(pose(claims=[claims[0], RATE, claims[1]]), lambda _: "", "q.json")
+    assert [fault.key for fault in faults] == ["spring.check.claims.0", "spring.check.claims.2"]
+
+
 def test_a_claim_that_depends_on_the_timestep_is_refused_unless_the_author_says_so() -> None:
     stiff = SPRING.replace('integrator="RK4"', 'integrator="Euler"').replace("0.002", "0.05")
     claim = {**RATE, "name": "period", "quantity": "period", "unit": "s", "rtol": 0.001}

@@ -1,7 +1,7 @@
 """The parameters of every exercise, as authors write them in JSON; writes a case's numbers into its model."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Annotated, Any, TypeVar
 
@@ -111,6 +111,14 @@ class WrongParameter(ValueError):
     def __init__(self, key: str, why: str) -> None:
         super().__init__(why)
         self.key = key
+
+
+class WrongParameters(ValueError):
+    """Several parameters that cannot work, each for itself."""
+
+    def __init__(self, errors: Sequence[WrongParameter]) -> None:
+        super().__init__("; ".join(map(str, errors)))
+        self.errors = errors
 
 
 class WrongInCase(ValueError):

@@ -17,6 +17,7 @@ from grader.exercises.parameters import (
     ExerciseParameters,
     WrongInCase,
     WrongParameter,
+    WrongParameters,
     list_ends,
     list_keys,
     write_numbers,
@@ -103,10 +104,8 @@ def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content
         try:
             trials.extend(rehearse_case(kind, parameters, content, index, kind.rehearse))
         except Exception as error:  # code of another package: anything may be raised
-            yield find_wrong_number(parameters, case, content, key) or (
-                find_key(error, key),
-                explain_refusal(kind, error),
-            )
+            wrong = find_wrong_number(parameters, case, content, key)
+            yield from [wrong] if wrong else explain_case(kind, error, key)
     ids_of_trials = [trial.id for trial in trials] if len({*ids}) == len(ids) else []  # else the case is the fault
     if repeated := next((id_ for id_ in ids_of_trials if ids_of_trials.count(id_) > 1), None):
         yield "", f"the kind makes several trials with the id {repeated!r}: its build_trials must name each by its case"
@@ -121,6 +120,12 @@ def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content
 def find_key(error: Exception, case: str) -> str:
     """Returns the key of what an error is about, below `check`; `case` is that of the case."""
     return f"{case}.{error.key_in_case}" if isinstance(error, WrongInCase) else str(getattr(error, "key", case))
+
+
+def explain_case(kind: AnyKind, error: Exception, key: str) -> Iterator[tuple[str, str]]:
+    """Yields key and reason of what an error of a case is about."""
+    for wrong in error.errors if isinstance(error, WrongParameters) else [error]:
+        yield find_key(wrong, key), explain_refusal(kind, wrong)
 
 
 def find_wrong_number(parameters: ExerciseParameters, case: Case, content: Content, key: str) -> tuple[str, str] | None:

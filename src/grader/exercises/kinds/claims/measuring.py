@@ -11,7 +11,7 @@ import numpy as np
 from grader.domain.lab import LabConfig, Readout, Slider
 from grader.errors import LabRefused
 from grader.exercises.kinds.claims.parameters import Claim, Experiment, Floats, Problem
-from grader.exercises.parameters import WrongParameter
+from grader.exercises.parameters import WrongParameter, WrongParameters
 from grader.experiments.limits import (
     UNCERTAINTY_SHARE,
     describe_noise,
@@ -160,13 +160,15 @@ def measure_own(bench: Bench, index: int) -> Floats:
 
 
 def rehearse_claims(problem: Problem) -> None:
-    """Raises WrongParameter where a claim has no number at the model's own timestep."""
-    bench = Bench(problem)
+    """Raises WrongParameters where claims have no number at the model's own timestep."""
+    bench, errors = Bench(problem), list[WrongParameter]()
     for index in range(len(problem.claims)):
         try:
             measure_own(bench, index)
         except (RegimeFailure, LabRefused, VerifyError) as error:
-            raise WrongParameter(*place_error(index, error)) from error
+            errors.append(WrongParameter(*place_error(index, error)))
+    if errors:
+        raise WrongParameters(errors)
 
 
 def measure_claims(problem: Problem) -> tuple[MeasuredClaim, ...]:
