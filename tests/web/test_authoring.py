@@ -80,6 +80,19 @@ SILENT: list[tuple[str, dict[str, Any], str]] = [
 ]
 """What an author may write unnoticed elsewhere, and what the desk says of it."""
 
+HOLD = """() => {
+  const plain = window.fetch;
+  window.fetch = async (address, ...more) => {
+    const response = await plain(address, ...more);
+    if (window.isLast) await new Promise(() => {});
+    if (!String(address).includes("/edit/") || window.release) return response;
+    const text = await response.text(); // read to its end, since the cache has the next one wait
+    await new Promise((resolve) => { window.release = resolve; });
+    return new Response(text);
+  };
+}"""
+"""Holds the first answer with the desk back, until the page's `release()`, and all once `isLast`."""
+
 
 @dataclass
 class Author:
@@ -155,6 +168,23 @@ def test_from_an_empty_folder_to_an_answer(author: Author, browser: Chromium, tm
         author.write_file([{**CHOICE, "label": "Warm-up"}, SPEED, FALL])
         publish(author, site, browser)
         answer(author, site, browser)
+
+
+def test_a_page_that_was_fetched_before_a_save_replaces_nothing(author: Author) -> None:
+    author.write_file([CHOICE])
+    author.page.goto(f"/edit/{QUIZ}/stage")
+    author.expect_whole()
+    author.page.evaluate(HOLD)
+    (author.root / "models/pendulum.xml").touch()
+    while not author.page.evaluate("Boolean(window.release)"):
+        author.page.wait_for_timeout(50)
+    _, question, words = SILENT[1]
+    author.save(question)
+    author.expect_said(words)
+    author.page.evaluate("window.isLast = true, window.release()")
+    author.page.wait_for_timeout(500)
+    author.expect_said(words)
+    assert "<em>Which" in author.page.get_by_label(f"{FILE}: stage").input_value()
 
 
 def write_a_first_question(author: Author) -> None:

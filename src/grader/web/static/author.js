@@ -8,6 +8,7 @@ const field = form.elements.source;
 const trouble = form.querySelector("[data-trouble]");
 const path = desk.dataset.author;
 let saved = field.value;
+let turn = 0; // of the newest refresh or save: what was fetched before it is old
 
 const isChanged = () => field.value !== saved;
 
@@ -40,6 +41,7 @@ async function save() {
   if (response?.status === 204) {
     form.elements.tag.value = response.headers.get("ETag").replaceAll('"', "");
     saved = sent;
+    turn += 1;
     say("Saved.");
     const moved = response.headers.get("Location"); // the question has another id now
     if (moved && !isChanged()) location.assign(moved);
@@ -64,9 +66,11 @@ const digestOf = (tag) => tag.split("-")[0];
 
 // Replaces what is shown by the page as it is now; what is typed and not saved stays.
 async function refresh() {
+  const mine = ++turn;
   const response = await fetch(location.pathname.startsWith("/edit/") ? location.href : `/edit/${path}`).catch(() => null);
   if (!response?.ok) return;
   const page = new DOMParser().parseFromString(await response.text(), "text/html");
+  if (mine !== turn) return;
   document.querySelector("[data-shown]").replaceWith(page.querySelector("[data-shown]"));
   document.querySelectorAll("[data-lab]").forEach(watch);
   offerCopies(document.querySelector("[data-shown]"));
