@@ -10,6 +10,7 @@ import pytest
 from grader.domain.run import RunReport
 from grader.domain.verdict import Verdict
 from grader.exercises import judge_exercise, plan_exercise
+from grader.exercises.running import runner
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 from support.local_judging import judging_twice
@@ -20,9 +21,15 @@ ROOT = Path(__file__).parents[2]
 Grade = Callable[..., Verdict]
 
 
+def raise_again(error: Exception, kind: str) -> None:
+    raise error
+
+
 @pytest.fixture(autouse=True)
-def twice() -> Iterator[None]:
-    """Every script that is judged here is judged by the client's judges too, and told nothing untrue."""
+def twice(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Every script that is judged here is judged by the client's judges too, and told nothing untrue. What fails while
+    its mistake is looked for is no verdict without a sentence here, but a failure."""
+    monkeypatch.setattr(runner, "note_fault", raise_again)
     with judging_twice(), telling_the_truth():
         yield
 

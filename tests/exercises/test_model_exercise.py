@@ -162,7 +162,7 @@ def test_feedback_says_what_line_and_draws_both_models_as_far_as_the_author_allo
     assert verdict.span is None
     assert grade(pipeline, "<mujoco>\n\n<hinge/>\n</mujoco>").line == 3
     titles = {finding.id: finding.title for finding in verdict.findings}
-    hidden = next(finding for finding in verdict.findings if finding.id == "driven.1")
+    hidden = next(finding for finding in verdict.findings if finding.id == "hidden-1.1")
     assert (hidden.measured, hidden.expected) == (None, None)
     seen = [limit_feedback(verdict, reveal).evidence for reveal in ("direction", "size", "value")]
     assert ["references" in one for one in seen] == [False, False, True]

@@ -92,7 +92,7 @@ def test_the_share_has_its_interval_and_nothing_hidden_is_told(pipeline: Pipelin
     assert verdict.status is Status.CORRECT
     (some,) = [finding for finding in verdict.findings if finding.id == "some"]
     assert some.message.endswith("10 of 10 episodes reach every goal (95 % interval: 72 to 100 %); 90 % must.")
-    (hidden,) = [finding for finding in verdict.findings if finding.id == "drawn"]
+    (hidden,) = [finding for finding in verdict.findings if finding.id == "hidden-1"]
     assert (hidden.message, hidden.measured) == ("Enough episodes reach every goal.", None)
     assert {chart["case"] for chart in verdict.evidence["motions"]} == {"lean", "some"}
     lean, some = verdict.evidence["film"]["cases"]

@@ -33,7 +33,8 @@ from grader.exercises import (
     write_lazy_answers,
 )
 from grader.exercises.driving import recorder
-from grader.exercises.running import planning
+from grader.exercises.kinds.threshold import Threshold
+from grader.exercises.running import planning, runner
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 from support.kinds import install_kinds
@@ -515,3 +516,57 @@ def test_the_line_of_a_hidden_exception_is_a_line(run: Callable[..., RunReport])
     verdict = judge_exercise(SERVO, plan, replace(report, hidden_results=hidden))
     assert "KeyError" in verdict.model_dump_json()
     assert "4711" not in verdict.model_dump_json(exclude={"evidence"})
+
+
+def test_hidden_exceptions_tell_one_name_and_one_line_of_the_script(run: Callable[..., RunReport]) -> None:
+    plan, report = plan_exercise(SERVO, model_xml, SEED), run(SERVO, RIGHT, SEED)
+    at = [index for index, trial in enumerate(plan.trials) if trial.hidden]
+    names = ("KeyError", "IndexError", "KeyError", "OSError", "TypeError", "LookupError")
+    lines = (3, 3, 3, 4, 4711, 5)
+    hidden = {
+        f"t{index}_raised": np.frombuffer(json.dumps({"raised": name, "line": line}).encode(), np.uint8)
+        for index, name, line in zip(at, names, lines, strict=False)
+    }
+    verdict = judge_exercise(SERVO, plan, replace(report, hidden_results=hidden), source=RIGHT)
+    told = [finding.message for finding in verdict.findings if finding.id.startswith("hidden-")]
+    first = "KeyError, in line 3 of your script."
+    assert told[:6] == [first, "An exception.", first, *["An exception."] * 3]
+
+
+def test_the_ids_of_hidden_cases_are_told_to_nobody(grade: Grade) -> None:
+    verdict = grade(SERVO, RIGHT, SEED)
+    cases = {case["id"] for case in SERVO.check.parameters["cases"] if case.get("hidden")}
+    ids = [finding.id for finding in verdict.findings]
+    assert cases
+    assert [id_ for id_ in ids if id_.split(".")[0] in cases] == []
+    assert {id_.split(".")[0] for id_ in ids} >= {f"hidden-{index + 1}" for index in range(len(cases))}
+
+
+def test_a_fault_of_ours_costs_the_sentence_and_not_the_verdict(
+    run: Callable[..., RunReport], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults: list[str] = []
+    monkeypatch.setattr(runner, "note_fault", lambda error, kind: faults.append(f"{kind}: {type(error).__name__}"))
+    monkeypatch.setattr(Threshold, "name_mistake", lambda *_: {}["a mistake"])
+    plan, report = plan_exercise(SERVO, model_xml, SEED), run(SERVO, RIGHT, SEED)
+    verdict = judge_exercise(SERVO, plan, replace(report, hidden_results={}))
+    assert verdict.status is Status.PARTIAL
+    assert verdict.diagnosis
+    assert faults == ["threshold: KeyError"]
+
+
+def test_a_condition_of_any_length_is_read(grade: Grade) -> None:
+    terms = "+".join(["0*i"] * 600)
+    own = f"""
+import mujoco
+def largest_stable_timestep(model, integrator):
+    model.opt.timestep = 0.01
+    data = mujoco.MjData(model)
+    for i in range(40):
+        mujoco.mj_step(model, data)
+        if abs(data.qpos[0]) > 0.5 and i > 3 + {terms}:
+            break
+    return 0.01, 0.0102
+"""
+    verdict = grade(SERVO, own, SEED)
+    assert verdict.status in (Status.INCORRECT, Status.PARTIAL), verdict.diagnosis

@@ -20,6 +20,8 @@ from grader.courses.people.rosters.roster import read_roster
 from grader.courses.rules.csv_cells import FORMULA
 from grader.domain.lab import LabConfig
 from grader.errors import GraderError
+from grader.exercises.explaining.places import find_test
+from grader.exercises.explaining.script import ParsedScript
 from grader.gate.admission import drop_escaped_cookies, read_origin
 from grader.grading.pipeline import to_canonical_json
 from grader.labs.controls import choose_values
@@ -28,7 +30,9 @@ from grader.questions.kinds.choice import ChoiceQuestion
 from grader.questions.kinds.number import NumberQuestion
 from grader.questions.kinds.text import TextQuestion
 from grader.sandbox.cleaning import clean, clean_reason
+from grader.web.frame.multipart import parse_multipart, read_boundary
 from grader.web.text.prose import safe_html
+from grader.web.verdict.reel import compare_scripts
 
 pytestmark = pytest.mark.cost
 
@@ -92,6 +96,18 @@ TYPED = [
     "\u00b7",
 ]
 PRINTED = ["\x1b[", "\x1b[0", "\x1b]", "\x9b0", "\x1b", "\r", "\x1b[ ", "\x1b ", "\u202e", "x"]
+
+
+def write_chain(middles: int, branches: int) -> str:
+    """A script with a long chain of `elif` around many middles."""
+    chain = "\n".join(f"elif a == {i}: pass" for i in range(branches))
+    return f"if a: pass\n{chain}\nelse:\n" + "".join(f"  m{i} = b / 2\n  c = m{i}\n" for i in range(middles))
+
+
+def write_lines(count: int, name: str) -> str:
+    """A script of which every second line is the same."""
+    return "\n".join("#" if i % 2 else f"{name}{i}" for i in range(count))
+
 
 RULES: dict[str, tuple[Callable[[Any], Any], dict[str, Make]]] = {
     "prose": (
@@ -160,6 +176,28 @@ RULES: dict[str, tuple[Callable[[Any], Any], dict[str, Make]]] = {
             "quotes": repeated('"', "name\n"),
             "address": repeated("@a", "name,email\na,"),
             "id": repeated("'=", "name,external_id\na,"),
+        },
+    ),
+    "multipart": (read_boundary, {unit: repeated(unit, 'multipart/form-data; a="') for unit in [";", "\\", '";a="']}),
+    "multipart body": (
+        lambda text: parse_multipart(text.encode(), b"X", 1000),
+        {
+            "header": repeated(";", '--X\r\nContent-Disposition: form-data; a="', "\r\n\r\n\r\n--X--"),
+            "parts": repeated('--X\r\nContent-Disposition: form-data; name="a"\r\n\r\n\r\n', after="--X--"),
+        },
+    ),
+    "updates of a script": (
+        lambda text: find_test(ParsedScript(text), None),
+        {
+            "elif": lambda n: write_chain(n // 120, n // 40),
+            "middles": lambda n: write_chain(n // 40, n // 120),
+        },
+    ),
+    "changed lines": (
+        lambda pair: compare_scripts(*pair),
+        {
+            "every second alike": lambda n: tuple(write_lines(n // 128, name) for name in "uv"),
+            "a short one": lambda n: (write_lines(min(n // 40, 1700), "u"), write_lines(199, "v")),
         },
     ),
     "spreadsheet cell": (FORMULA.match, {unit: repeated(unit) for unit in ["'", " ", "' ", "=", "'\t"]}),

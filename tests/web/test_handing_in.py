@@ -242,7 +242,16 @@ def test_forms_with_files_are_read_to_the_byte() -> None:
     fields = parse_multipart(b"\r\n".join(lines), boundary, 10)
     assert fields == {"after": ["ab"], "answer": [base64.b64encode(data).decode()]}
     assert read_boundary("application/x-www-form-urlencoded") is None
-    for broken in (b"", b"\r\n".join(lines[:-2]), b"x" + b"\r\n".join(lines), b"--edge--x\r\n\r\nz\r\n--edge--x--"):
+    with pytest.raises(Unprocessable):
+        read_boundary('multipart/form-data; boundary=X; a="' + ";" * 1000)
+    long = lines[0] + b'\r\nContent-Disposition: form-data; name="a"' + b";" * 1000 + b"\r\n\r\n\r\n--edge--x--"
+    for broken in (
+        long,
+        b"",
+        b"\r\n".join(lines[:-2]),
+        b"x" + b"\r\n".join(lines),
+        b"--edge--x\r\n\r\nz\r\n--edge--x--",
+    ):
         with pytest.raises(Unprocessable):
             parse_multipart(broken, boundary, 10)
     with pytest.raises(Unprocessable):

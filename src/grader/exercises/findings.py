@@ -6,7 +6,7 @@ from typing import Any
 
 from grader.domain.verdict import Finding
 from grader.exercises.kind import JudgedTrial, Judgement, Trial
-from grader.exercises.parameters import ExerciseParameters
+from grader.exercises.parameters import ExerciseParameters, name_cases
 from grader.questions.kinds.script import ScriptQuestion
 
 AnyJudged = JudgedTrial[Any, Any]
@@ -22,13 +22,26 @@ def build_titles(parameters: ExerciseParameters, trials: Sequence[Trial[Any]]) -
     return [", ".join(filter(None, (titles[trial.case.id] if trial.case else "", trial.title))) for trial in trials]
 
 
-def build_findings(question: ScriptQuestion, titles: Sequence[str], judged: Sequence[AnyJudged]) -> tuple[Finding, ...]:
+def build_ids(parameters: ExerciseParameters, trials: Sequence[Trial[Any]]) -> list[str]:
+    """Returns the id of each trial's finding: its own, with the name of its case in place of the case's id."""
+    names = name_cases(parameters.cases)
+    return [
+        names[trial.case.id] + trial.id.removeprefix(trial.case.id)
+        if trial.case is not None and trial.id.startswith(trial.case.id)
+        else trial.id
+        for trial in trials
+    ]
+
+
+def build_findings(
+    question: ScriptQuestion, ids: Sequence[str], titles: Sequence[str], judged: Sequence[AnyJudged]
+) -> tuple[Finding, ...]:
     """Returns one finding for each trial, and one that asks for a review if a judgement does."""
     scale = question.points / sum(trial.trial.points for trial in judged)
     findings = [
         finding
-        for title, trial in zip(titles, judged, strict=True)
-        for finding in build_trial_findings(trial, title, trial.trial.points * scale)
+        for id_, title, trial in zip(ids, titles, judged, strict=True)
+        for finding in build_trial_findings(trial, id_, title, trial.trial.points * scale)
     ]
     reviews = dict.fromkeys(trial.judgement.review for trial in judged if trial.judgement.review)
     if reviews:
@@ -42,28 +55,27 @@ def build_findings(question: ScriptQuestion, titles: Sequence[str], judged: Sequ
     return tuple(findings)
 
 
-def build_trial_findings(judged: AnyJudged, title: str, points: float) -> Iterator[Finding]:
+def build_trial_findings(judged: AnyJudged, id_: str, title: str, points: float) -> Iterator[Finding]:
     """Yields the finding of a trial, or one for each of its parts."""
     parts = judged.judgement.parts
     if not parts:
-        yield build_finding(judged, title, points)
+        yield build_finding(judged, id_, title, points)
     shares = sum(part.points for part in parts)
     for part in parts:
         alone = Judgement(
             part.passed, part.message, None, part.detail, part.measured, part.expected, unmet=judged.judgement.unmet
         )
-        trial = replace(judged.trial, id=f"{judged.id}.{part.id}")
         counts = part.passed and (judged.counts or not judged.judgement.passed)
-        one = replace(judged, trial=trial, judgement=alone, counts=counts)
-        yield build_finding(one, f"{title}: {part.title}", points * part.points / shares)
+        one = replace(judged, judgement=alone, counts=counts)
+        yield build_finding(one, f"{id_}.{part.id}", f"{title}: {part.title}", points * part.points / shares)
 
 
-def build_finding(judged: AnyJudged, title: str, points: float) -> Finding:
+def build_finding(judged: AnyJudged, id_: str, title: str, points: float) -> Finding:
     """Returns the finding of a trial; of a hidden one neither detail nor measured nor expected values. The detail may
     say how far the result is off, so the direction leaves it out."""
     shown = judged.judgement if not judged.hidden else Judgement(judged.judgement.passed, "", None)
     return Finding(
-        id=judged.id, title=title, passed=judged.counts, points=points if judged.counts else 0.0,
+        id=id_, title=title, passed=judged.counts, points=points if judged.counts else 0.0,
         max_points=points, message=" ".join(filter(None, (choose_message(judged), shown.detail))),
         direction=choose_message(judged), measured=shown.measured, expected=shown.expected
     )  # fmt: skip

@@ -105,6 +105,13 @@ class ExerciseParameters(Strict):
         return cases
 
 
+def name_cases(cases: Sequence[Case]) -> dict[str, str]:
+    """Returns what cases are called in the ids of findings, by their own ids: a hidden one is counted, since its own id
+    may tell of it."""
+    hidden = [case.id for case in cases if case.hidden]
+    return {case.id: f"hidden-{hidden.index(case.id) + 1}" if case.hidden else case.id for case in cases}
+
+
 class WrongParameter(ValueError):
     """A parameter that cannot work. `key` is its place below `check`, such as `start` or `numbers.kp.element`."""
 

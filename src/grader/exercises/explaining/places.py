@@ -46,14 +46,14 @@ def find_middle(script: ParsedScript, _: object) -> int | None:
 
 def find_test(script: ParsedScript, _: object) -> int | None:
     """Returns the line of the condition by which a bisection moves its ends; None where there is none, or several."""
-    lines = {test for middle in script.find_middles() for _, _, test in script.find_updates(middle) if test}
+    lines = {test for _, test in script.find_updates() if test}
     return lines.pop() if len(lines) == 1 else None
 
 
 def find_free_update(script: ParsedScript, _: object) -> int | None:
     """Returns the line that moves an end of a bisection outside of any condition; None where there is none, or
     several."""
-    lines = {line for middle in script.find_middles() for _, line, test in script.find_updates(middle) if not test}
+    lines = {line for line, test in script.find_updates() if not test}
     return lines.pop() if len(lines) == 1 else None
 
 

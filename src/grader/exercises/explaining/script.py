@@ -148,20 +148,28 @@ class ParsedScript:
             for target in node.targets if isinstance(target, ast.Name)
         }  # fmt: skip
 
-    def find_updates(self, middle: str) -> list[tuple[str, int, int]]:
-        """Returns the statements that give another variable the value of `middle`: its name, the line, and the line of
-        the `if` around it, 0 where there is none."""
-        tests: dict[int, int] = {}
-        for node in self.nodes:  # from outside to inside: the innermost `if` is the last
-            if isinstance(node, ast.If):
-                tests.update((id(inner), node.lineno) for inner in walk_within(node))
-        updates: list[tuple[str, int, int]] = []
+    @cached_property
+    def tests(self) -> dict[int, int]:
+        """The line of the innermost `if` around each node, by the node's id; 0 where there is none in its function."""
+        tests, left = dict[int, int](), list[tuple[ast.AST, int]]([(self.tree, 0)] if self.tree else [])
+        while left:
+            node, test = left.pop()
+            tests[id(node)] = test
+            within = node.lineno if isinstance(node, ast.If) else test
+            left += ((child, 0 if isinstance(child, FUNCTIONS) else within) for child in ast.iter_child_nodes(node))
+        return tests
+
+    def find_updates(self) -> list[tuple[int, int]]:
+        """Returns the statements that give another variable the value of a middle: the line, and the line of the `if`
+        around it, 0 where there is none."""
+        middles, updates = self.find_middles(), list[tuple[int, int]]()
         for node in self.nodes:
             for target, value in list_pairs(node):
-                if isinstance(target, ast.Name) and reads_name(value, middle) and target.id != middle:
+                if isinstance(target, ast.Name) and isinstance(value, ast.Name) and value.id in middles:
                     line = getattr(node, "lineno", 0)
-                    updates.append((target.id, line, line if has_choice(node) else tests.get(id(node), 0)))
-        return sorted(updates, key=lambda update: update[1])
+                    if target.id != value.id:
+                        updates.append((line, line if has_choice(node) else self.tests.get(id(node), 0)))
+        return updates
 
 
 NO_SCRIPT = ParsedScript()

@@ -1,9 +1,12 @@
 """Chooses the sentence of a verdict: the mistake of a wrong script, a remark on a right one."""
 
 import re
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
+
+import structlog
 
 from grader.errors import JailFault
 from grader.exercises.crashes import explain_hidden_slip
@@ -19,6 +22,8 @@ AnyJudged = JudgedTrial[Any, Any]
 NUMBER = re.compile(r"(?<![A-Za-z_])\d[\d.]*(?:e[+-]?\d+)?")
 NUMBERS_MAX, FIGURES_MAX = 12, 2
 """Numbers in the sentence of a mistake where the first wrong trial is hidden, and their significant figures."""
+
+log = structlog.get_logger()
 
 OTHER_MODEL = "The model there is another one: take sizes and addresses from the model that you are given."
 
@@ -43,7 +48,7 @@ def diagnose(
     failed case, else its message. The sentence beside it replaces its own where only the direction of an error may be
     told. `judged` are all trials with their messages, `whole` those that did not raise. Details are left out, so that
     the diagnosis does not depend on the seed."""
-    first, message = next(((trial, sentence) for trial, sentence in judged if not trial.counts), (None, ""))
+    first, message = find_first(judged)
     if first is None:
         return None, None
     if first not in whole:
@@ -53,7 +58,7 @@ def diagnose(
     slip = slip and correct_sentence(slip, gather_evidence(whole))
     if slip is not None:
         return Mistake(slip), slip
-    plain = (first.trial.case.hint if first.trial.case else None) or message
+    plain = choose_plain(first, message)
     if (sentence := find_authored()) is not None:
         return Mistake(sentence), plain
     named = kind.name_mistake(parameters, whole) or try_runs(kind, parameters, whole, run)
@@ -65,6 +70,29 @@ def diagnose(
     line = mistake.line or find_landmark(sentence, evidence.script, kind.landmarks)
     mistake = replace(mistake, sentence=sentence, line=line)
     return mistake, plain if kind.mistakes_tell_size else mistake.sentence
+
+
+def find_first(judged: Sequence[tuple[AnyJudged, str]]) -> tuple[AnyJudged | None, str]:
+    """Returns the first trial that does not count, with its message; None where all do."""
+    return next(((trial, sentence) for trial, sentence in judged if not trial.counts), (None, ""))
+
+
+def choose_plain(first: AnyJudged, message: str) -> str:
+    """Returns what is said of a trial whose mistake is not known: the hint of its case, else its message."""
+    return (first.trial.case.hint if first.trial.case else None) or message
+
+
+def find_plain(judged: Sequence[tuple[AnyJudged, str]]) -> tuple[Mistake | None, str | None]:
+    """Returns what `diagnose` does where no mistake is looked for."""
+    first, message = find_first(judged)
+    plain = None if first is None else choose_plain(first, message)
+    return (None, None) if plain is None else (Mistake(plain), plain)
+
+
+def note_fault(error: Exception, kind: str) -> None:
+    """Logs that the search for a mistake failed, without the message of the error, which may hold a learner's text."""
+    at = traceback.extract_tb(error.__traceback__)[-1]
+    log.error("no mistake could be looked for", kind=kind, error=type(error).__name__, file=at.filename, line=at.lineno)
 
 
 def try_runs(

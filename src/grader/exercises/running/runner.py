@@ -16,17 +16,17 @@ from grader.errors import JailFault
 from grader.exercises.crashes import explain_error
 from grader.exercises.driving.playing import describe_stop
 from grader.exercises.explaining.script import ParsedScript
-from grader.exercises.findings import AnyJudged, build_findings, build_titles, choose_message
+from grader.exercises.findings import AnyJudged, build_findings, build_ids, build_titles, choose_message
 from grader.exercises.judgement import list_counting
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.running.authored import find_authored_sentence
-from grader.exercises.running.diagnosing import describe_success, diagnose
+from grader.exercises.running.diagnosing import describe_success, diagnose, find_plain, note_fault
 from grader.exercises.running.driver_faults import refuse_driver_faults
 from grader.exercises.running.evidence import build_evidence
 from grader.exercises.running.measuring import Run, limit_cpu
 from grader.exercises.running.planning import Plan, load_kinds
 from grader.exercises.running.trials import judge_trials
-from grader.exercises.trace import NO_TRACE, read_traces
+from grader.exercises.trace import LINES_MAX, NO_TRACE, read_traces
 from grader.questions.kinds.script import ScriptQuestion
 
 TRACES = {False: "traces", True: "hidden_traces"}
@@ -72,7 +72,7 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
     known = {False: None, True: list_known_words(kind.driver)}
     held = {hidden: read_traces(parts[hidden].get(name), known[hidden]) for hidden, name in TRACES.items()}
     traces = [held[trial.hidden].get(index, NO_TRACE) for index, trial in enumerate(plan.trials)]
-    outcomes = judge_trials(kind, plan, report, run)
+    outcomes = judge_trials(kind, plan, report, run, len(script.source.splitlines()) or LINES_MAX)
     judged = settle(
         [
             JudgedTrial(trial, judgement, False, trace, script)
@@ -80,7 +80,7 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
         ]
     )
     titles = build_titles(plan.parameters, plan.trials)
-    findings = build_findings(question, titles, judged)
+    findings = build_findings(question, build_ids(plan.parameters, plan.trials), titles, judged)
     ends = [end for _, end in outcomes]
     if ends[0] is not None and all(ends):
         visible = {choose_message(trial) for trial in judged if not trial.hidden}
@@ -91,9 +91,14 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
     authored = partial(
         find_authored_sentence, kind, plan, [judgement for judgement, _ in outcomes], question.limits, run
     )
-    mistake, direction = diagnose(
-        kind, plan.parameters, list(zip(judged, sentences, strict=True)), whole, run, find_authored=authored
-    )
+    told = list(zip(judged, sentences, strict=True))
+    try:
+        mistake, direction = diagnose(kind, plan.parameters, told, whole, run, find_authored=authored)
+    except JailFault:
+        raise
+    except Exception as error:  # the sentence is lost, not the verdict
+        note_fault(error, question.check.kind)
+        mistake, direction = find_plain(told)
     verdict = verdict_of(
         findings,
         diagnosis=mistake.sentence if mistake else None,

@@ -8,12 +8,16 @@ from email.parser import HeaderParser
 from grader.errors import Unprocessable
 
 BROKEN = "The form cannot be read: send it again."
+HEADER_MAX = 1000
+"""Longest headers that are read [characters]: the parser of email takes a time that grows with the square."""
 BOUNDARY_MAX = 70
 """Longest boundary. Source: RFC 2046, section 5.1.1."""
 
 
 def read_boundary(content_type: str) -> bytes | None:
-    """Returns the boundary of a form with a file; None for any other form."""
+    """Returns the boundary of a form with a file; None for any other form. Raises Unprocessable."""
+    if len(content_type) > HEADER_MAX:
+        raise Unprocessable(BROKEN)
     header = Message()
     header["Content-Type"] = content_type
     if header.get_content_type() != "multipart/form-data":
@@ -33,6 +37,8 @@ def parse_multipart(body: bytes, boundary: bytes, fields_max: int) -> dict[str, 
     fields: dict[str, list[str]] = {}
     for part in parts:
         head, separator, content = part.removeprefix(b"\r\n").partition(b"\r\n\r\n")
+        if len(head) > HEADER_MAX:
+            raise Unprocessable(BROKEN)
         header = HeaderParser().parsestr(head.decode(errors="replace"))
         name = header.get_param("name", header="Content-Disposition")
         if not separator or not isinstance(name, str):

@@ -1,6 +1,7 @@
 """A reel: one attempt of several at a question, with what has changed since the one before."""
 
 import difflib
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,10 @@ REEL_MAX = 30
 """Attempts of a reel, the newest ones."""
 
 LINES_MAX = 2000
-"""Longer scripts are not compared: that takes a time that grows with the square."""
+"""Longer scripts are not compared."""
+
+REPEATED = 20
+"""A line that is there more often is only found beside others: to try every pair takes cubic time."""
 
 AROUND = 3
 """Lines that stay on either side of a change."""
@@ -85,7 +89,8 @@ def compare_scripts(before: str, after: str) -> list[LineChange] | None:
         return None
     changes: list[LineChange] = []
     shown = 0
-    for group in difflib.SequenceMatcher(None, olds, news, autojunk=False).get_grouped_opcodes(AROUND):
+    repeated = {line for line, count in Counter(news).items() if count > REPEATED}
+    for group in difflib.SequenceMatcher(repeated.__contains__, olds, news).get_grouped_opcodes(AROUND):
         if (skipped := group[0][3] - shown) > 0:
             changes.append(LineChange("skipped", skipped, ""))
         for tag, a, b, c, d in group:

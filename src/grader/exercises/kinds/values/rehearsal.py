@@ -40,7 +40,7 @@ def rehearse_call(problem: Problem, call: Call) -> None:
             raise ValueError(f"{result.name} of the author's program {why}")
         if shape not in (None, right.shape):
             raise ValueError(f"{result.name} of the author's program has the shape {right.shape}, not {shape}")
-        if shape is None and right.shape == (1,):
+        if result.field is None and shape is None and right.shape == (1,):
             why = "is an array of one number, so that a plain number would be wrong"
             raise ValueError(f"{result.name} of the author's program {why}: return a number, or declare `shape`")
 

@@ -4,7 +4,7 @@ makes them right. Both run in the jail, within a counted number of lines."""
 import ast
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from inspect import getsource
 from itertools import islice
 from typing import Any
@@ -99,7 +99,7 @@ def compile_codes() -> Mapping[str, bytes]:
     }
 
 
-@cache
+@lru_cache(maxsize=32)  # of the author's programs, beside learners' own
 def list_edits(source: str, entry: str) -> tuple[edits.Edit, ...]:
     """Returns every edit of a program, in the order of the jail; none of a program that is no Python, or too long."""
     if len(source) > SOURCE_CHARS_MAX:
