@@ -222,6 +222,25 @@ def test_a_question_of_another_id_or_broken_for_a_moment_is_saved_in_its_place_a
     assert answer.headers["Location"] == "/edit/1.3-check/swing"
 
 
+def test_one_question_never_takes_the_place_of_its_file(browser: TestClient, folder: Path) -> None:
+    file = folder / "quizzes/1.3-check.json"
+    page = browser.get(NUMBER).text
+    start, end = find_question(file.read_text(), "q2", file.name)
+    mine = file.read_text()[start:end]
+    broken = browser.put(
+        "/source/1.3-check/q2", content=mine.replace(",", "", 1), headers={"If-Match": f'"{tag_in(page)}"', **SENT}
+    )
+    assert broken.status_code == 204
+    before, tag = file.read_text(), tag_in(browser.get(NUMBER).text)
+    assert tag.endswith("-0-0"), "the whole file is shown"
+    refused = browser.put("/source/1.3-check/q2", content=mine, headers={"If-Match": f'"{tag}"', **SENT})
+    assert (refused.status_code, "the whole file was shown" in refused.json()["why"]) == (412, True)
+    assert file.read_text() == before
+    mended = browser.put("/source/1.3-check/q2", content=mine, headers={"If-Match": broken.headers["ETag"], **SENT})
+    assert mended.status_code == 204, "the tag of what was saved holds on"
+    assert len(json.loads(file.read_text())["questions"]) > 2
+
+
 @pytest.mark.parametrize("tag", ["", "0", "{digest}-1", "{digest}-99999-99999", "{digest}--1-0", "{digest}-0-0-0"])
 def test_a_tag_that_no_page_gave_saves_nothing(browser: TestClient, folder: Path, tag: str) -> None:
     file = folder / "quizzes/1.3-check.json"

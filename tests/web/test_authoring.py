@@ -187,6 +187,24 @@ def test_a_page_that_was_fetched_before_a_save_replaces_nothing(author: Author) 
     assert "<em>Which" in author.page.get_by_label(f"{FILE}: stage").input_value()
 
 
+def test_a_slip_leaves_the_question_in_the_box_and_the_others_in_the_file(author: Author) -> None:
+    author.write_file([CHOICE, SPEED])
+    author.page.goto(f"/edit/{QUIZ}/stage")
+    author.expect_whole()
+    box, good = author.page.get_by_label(f"{FILE}: stage"), json.dumps(CHOICE, indent=2)
+    box.fill(good.replace(",", "", 1))
+    author.page.get_by_role("button", name="Save").click()
+    author.expect_said("broken JSON")
+    assert box.input_value() == good.replace(",", "", 1)
+    box.fill(good)
+    author.page.get_by_role("button", name="Save").click()
+    author.expect_whole()
+    assert [question["id"] for question in json.loads((author.root / FILE).read_text())["questions"]] == [
+        "stage",
+        "speed",
+    ]
+
+
 def write_a_first_question(author: Author) -> None:
     author.page.goto("/")
     author.expect_whole()

@@ -1,6 +1,7 @@
 """AuthorDesk: a content folder that is being written. It reads, checks and saves one question at a time."""
 
 import hashlib
+import json
 import os
 import re
 import tempfile
@@ -28,6 +29,11 @@ WATCHED = (
 )  # fmt: skip
 
 CHANGED = "The file has changed since you read it: nothing was saved. Copy what you typed, and read the page again."
+
+WHOLE = (
+    "Nothing was saved: this is the text of one question, and the whole file was shown, since it cannot be read as it "
+    "is. Mend the question within the text of the file."
+)
 
 TAG = re.compile(r"([0-9a-f]{16})-(\d{1,9})-(\d{1,9})")
 
@@ -150,6 +156,8 @@ class AuthorDesk:
             text, shown = self._read_file(file), Tag.read(tag)
             if shown is None or not shown.fits(text):
                 raise Outdated(CHANGED)
+            if not shown.is_part and is_lone_question(source):
+                raise Outdated(WHOLE)
             place, end = self.root / file, len(text) - shown.after
             saved = text[: shown.before] + (source.strip() if shown.is_part else source) + text[end:]
             with tempfile.NamedTemporaryFile("wb", dir=place.parent, prefix=".saving-", delete=False) as new:
@@ -213,6 +221,15 @@ class AuthorDesk:
         with self.changed:
             self.changed.wait_for(lambda: check.report is not None, seconds)
         return check.report
+
+
+def is_lone_question(text: str) -> bool:
+    """Whether a text is the JSON of a question, where that of a whole quiz belongs."""
+    try:
+        value = json.loads(text)
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(value, dict) and "questions" not in value and "q" in value
 
 
 def list_about(faults: list[Fault], file: str, question: str) -> Iterator[Fault]:

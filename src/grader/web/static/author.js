@@ -76,11 +76,14 @@ async function refresh() {
   offerCopies(document.querySelector("[data-shown]"));
   desk.dataset.seen = page.querySelector("[data-author]").dataset.seen;
   const newer = page.querySelector("[data-source]").elements;
+  // The file is as it was saved here: what is shown stays, even if the question cannot be found in it for the moment.
+  if (digestOf(newer.tag.value) === digestOf(form.elements.tag.value)) return;
   if (!isChanged()) {
     if (field.value !== newer.source.value) field.value = newer.source.value;
     saved = field.value;
     form.elements.tag.value = newer.tag.value;
-  } else if (digestOf(newer.tag.value) !== digestOf(form.elements.tag.value)) {
+    form.querySelector("[for=source]").textContent = page.querySelector("[data-source] [for=source]").textContent;
+  } else {
     say("The file has changed on the disk: copy what you typed, and read the page again.", true);
   }
 }
