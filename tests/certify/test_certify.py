@@ -199,6 +199,22 @@ def test_a_question_that_goes_on_from_the_limit_of_a_servo_is_not_inferred(asked
 
 
 @pytest.mark.parametrize(
+    "beside",
+    ["through a gear", "with an armature", "with another damping of 20 N m s/rad", "and has a stiffness",
+     "and hangs: a pendulum", "and weighs 2 kg", "in steps of Adams and Bashforth", "and must not overshoot", "and shall be free of oscillation",
+     "under explicit Euler for both"],
+)  # fmt: skip
+def test_a_servo_with_more_than_inertia_and_damping_is_not_inferred(beside: str) -> None:
+    """Each of these has another limit: gear² kv counts, the armature is inertia, 2.5 ms is where overshoot begins."""
+    text = (
+        "A servo joint of inertia 0.05 kg m² has kv = 20 N m s/rad {}. What is the largest stable timestep under Euler?"
+    )
+    for words, is_told in (("", True), (beside, False)):
+        raw = {"id": "n", "kind": "numeric", "q": text.format(words), "answer": 5.0, "tol": 0.1, "unit": "ms"}
+        assert (certify_question(QUESTION.validate_python(raw), model_xml) is not None) is is_told
+
+
+@pytest.mark.parametrize(
     ("text", "is_told"),
     [("In which stage of <code>mj_step</code> is collision detection performed?", True),
      ("Which stage of mj_step finds the contacts?", True),

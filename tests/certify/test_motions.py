@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy
 
-from certify.test_certify import certify, numeric
+from certify.test_certify import certify, numeric, predict
 from certify.test_claims_by_closed_forms import G, soft_servo
 
 pytestmark = pytest.mark.slow
@@ -424,6 +424,25 @@ def test_a_peak_that_still_grows_at_the_end_of_the_run_is_remarked(timestep: str
     assert cut.ok, cut.why
     assert [remark for remark in cut.remarks if remark.startswith("The max changes by 0.03")], cut.remarks
     assert not certify(numeric(early, 0.01, "m", **swing, when="max", seconds=1, until=0.2)).remarks
+
+
+@pytest.mark.parametrize(("seconds", "timestep"), [(16, "given"), (20, "given"), (20, "both"), (30, "given")])
+def test_a_toss_is_no_key_whichever_way_it_falls(seconds: float, timestep: str) -> None:
+    """Where the double pendulum points then is decided by less than 1e-10: of starts nudged by it, half point either
+    way."""
+    claims = ["Math.sin(data.qpos[0]) > 0", "Math.sin(data.qpos[0]) < 0"]
+    verify = {"by": "outcome", "claims": claims, "seconds": seconds, "timestep": timestep}
+    for answer in (0, 1):
+        question = predict(["left", "right"], answer, {"model": "double_pendulum", "key": "release"}, verify)
+        assert certify(question).verdict == "cannot tell"
+
+
+def test_a_turn_about_the_middle_axis_is_not_taken_for_steady() -> None:
+    """It flips again and again, at moments that less than 1e-10 decides; two nudged starts may be back together."""
+    box = world(free(".01 .02 .03"))
+    spin = {"by": "measurement", "xml": box, "setup": "data.qvel[4] = 6", "expr": "data.qvel[4]"}
+    assert certify(numeric(6, 0.12, "rad/s", **spin, seconds=1)).ok
+    assert certify(numeric(6, 0.12, "rad/s", **spin, seconds=20)).verdict == "cannot tell"
 
 
 STIFFNESSES = [0.02 * 1.4**i for i in range(9)]

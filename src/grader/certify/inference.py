@@ -21,6 +21,7 @@ DETECTS = re.compile(
 NUMBER = r"([0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?)"
 INERTIA = re.compile(rf"inertia (?:of )?{NUMBER} ?kg ?m(?:²|\^?2)")
 KV, KP = re.compile(rf"\bkv ?= ?{NUMBER}"), re.compile(rf"\bkp ?= ?{NUMBER}")
+DIGIT = re.compile(r"[0-9]")
 ASKED = re.compile(r"largest (?:stable )?timestep")
 TIMES = frozenset(("seconds", "milliseconds", "microseconds"))
 EXPLICIT = re.compile(r"\bexplicit|\bEuler\b")
@@ -28,9 +29,12 @@ OTHERS = re.compile(r"\bimplicit|\bRK4\b|\bRunge|\bdiscrete\b")
 TWISTED = re.compile(
     r"\b(?:if|how|half|halv\w+|twice|doubl\w+|tripl\w+|quarter|third|fifth|tenth|times|percent|share|part|fraction|ratio|"
     r"factor|margin|instead|chang\w+|increas\w+|reduc\w+|decreas\w+|replac\w+|other|another|second|more|less|longer|"
-    r"shorter|higher|lower|without|add\w*)\b|%", re.IGNORECASE,
+    r"shorter|higher|lower|without|add\w*|both|gear\w*|armature|gravit\w+|pendulum|spring|stiffness|friction\w*|"
+    r"overshoot\w*|oscillat\w+|monoton\w+|accura\w+|error|delay\w*|sampl\w+|Adams|Bashforth|Heun|midpoint|leapfrog|"
+    r"Verlet|backward|trapez\w+)\b|%", re.IGNORECASE,
 )  # fmt: skip
-"""Words by which a question may ask for something else than the limit of the servo that it describes."""
+"""Words by which a question may ask for something else than the limit of the servo that it describes, or describe one
+whose limit other numbers change, too."""
 STABLE = re.compile(r"(?<!not )(?<!never )(?<!longer )\bstab", re.IGNORECASE)
 """Words of a question that asks what is stable; `unstable` and `instability` do not match."""
 
@@ -62,6 +66,8 @@ def _infer_servo_limit(key: NumberKey) -> ByThreshold | None:
     if inertia is None or kv is None or unit is None or unit.words.split(" ")[0] not in TIMES:
         return None
     if not ASKED.search(text) or not EXPLICIT.search(text) or OTHERS.search(text) or TWISTED.search(text):
+        return None
+    if DIGIT.search(KP.sub("", KV.sub("", INERTIA.sub("", text)))):  # such as another damping
         return None
     servo = ServoJoint(inertia=float(inertia[1]), kv=float(kv[1]), kp=float(kp[1]) if kp else 0.0)
     return ByThreshold(by="threshold", servo=servo)

@@ -21,12 +21,12 @@ from grader.experiments.limits import (
     explain_unsettled,
     find_limit,
     list_other_ends,
+    measure_nudged,
 )
 from grader.experiments.quantities import WAVES, Floats, cut, estimate_rest, measure_waves
 from grader.experiments.quantities import measure as measure_quantity
 from grader.experiments.regime import Regime, RegimeFailure, describe_reset, explain_window
 from grader.experiments.runs import (
-    NUDGED,
     SAME,
     LabRun,
     Variant,
@@ -99,7 +99,7 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
 def _certify_run(key: NumberKey, verify: ByMeasurement, measure: Measure) -> Certificate:
     """Certify a number about the discretisation itself: only nudged starts and their round-off are varied."""
     run, value = measure(SAME)
-    nudged = [measure(each)[1] for each in NUDGED]
+    nudged = measure_nudged(measure)
     noise = max(abs(value - other) for other in nudged)
     measured = {"h/1": value, "nudged": nudged, "unit": key.unit}
     certificate = certify_number("measurement", key, value, noise, measured, cure=describe_noise(noise))

@@ -12,7 +12,7 @@ from grader.domain.lab import SECONDS_MAX
 from grader.experiments.ladder import Ladder
 from grader.experiments.quantities import Floats
 from grader.experiments.regime import STEPS_MAX, Regime, check_regime
-from grader.experiments.runs import NUDGED, PROBES, LabRun, Variant
+from grader.experiments.runs import NUDGED, PROBES, LabRun, Variant, list_more_nudged
 
 UNCERTAINTY_SHARE = 0.2
 """Largest numerical uncertainty of a known number, as a share of its tolerance."""
@@ -61,7 +61,7 @@ def find_limit(measure: Measure, allowed: float, *, to_the_end: bool, fastest: f
     regime = check_regime(run, to_the_end=to_the_end, fastest=fastest)
     ladder = Ladder(lambda finer: measure(Variant(finer=finer))[1], regime, allowed, {1.0: own})
     ladder.climb()
-    nudged = [measure(replace(each, finer=regime.first))[1] for each in NUDGED]
+    nudged = measure_nudged(measure, regime.first)
     noise = max(abs(ladder.values[regime.first] - other) for other in nudged)
     failed, cure = find_failure(ladder, noise)
     if to_the_end and failed != "nudged starts" and (odd := describe_odd_length(run)):
@@ -69,6 +69,13 @@ def find_limit(measure: Measure, allowed: float, *, to_the_end: bool, fastest: f
     return MotionLimit(
         ladder.best, max(ladder.uncertainty, noise), own, run, regime, ladder, nudged, noise, failed, cure
     )
+
+
+def measure_nudged(measure: Measure, finer: float = 1.0) -> list[float]:
+    """Returns what is measured from nudged starts, from more of them where these part. Raises RegimeFailure."""
+    readings = [measure(replace(each, finer=finer)) for each in NUDGED]
+    more = list_more_nudged([run for run, _ in readings])
+    return [value for _, value in readings] + [measure(replace(each, finer=finer))[1] for each in more]
 
 
 def find_failure(ladder: Ladder, noise: float) -> tuple[str, str]:

@@ -6,7 +6,7 @@ longest timestep must resolve the motion, and a timestep that is no simple fract
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import ceil, isfinite, log2
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from grader.domain.verify import Simulation
-from grader.experiments.runs import NUDGED, PROBES, SAME, LabRun, Variant
+from grader.experiments.runs import NUDGED, PROBES, SAME, LabRun, Variant, list_more_nudged
 
 RESOLVED = 1.0
 """The largest product of timestep and fastest rate: six steps a period at the longest of three timesteps, 25 at the
@@ -154,14 +154,15 @@ def compare_runs(
     """
     checked: dict[str, Any] = {"timestep": verify.timestep, "failed": None}
     if verify.timestep == "given":
-        return [read(variant) for variant in (SAME, *NUDGED)], checked
+        more = list_more_nudged([probe(variant) for variant in NUDGED])
+        return [read(variant) for variant in (SAME, *NUDGED, *more)], checked
     regime = check_regime(probe(Variant(probes=PROBES)), to_the_end=to_the_end, fastest=verify.fastest)
-    read = cache(read)
+    read, more = cache(read), list_more_nudged([probe(variant) for variant in NUDGED])
     own = [SAME] if verify.timestep == "both" else []
     for level in range(regime.level, regime.level + CLIMBS + 1):
         first = 2.0**level
         timesteps = [Variant(finer=each) for each in (first, 2 * first, 4 * first, regime.choose_incommensurate(level))]
-        nudged = [Variant(finer=first, nudge=each.nudge) for each in NUDGED]
+        nudged = [replace(each, finer=first) for each in (*NUDGED, *more)]
         readings = [read(variant) for variant in (*own, *timesteps, *nudged)]
         ends = [read(variant)[0] for variant in (timesteps[2], *own)]
         starts = [read(variant)[0] for variant in (timesteps[0], *nudged)]

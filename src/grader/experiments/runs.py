@@ -1,9 +1,10 @@
 """Runs labs and evaluates expressions for measurements; the only module of this room that imports the labs."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import mujoco
+import numpy as np
 
 from grader.domain.lab import LabConfig, Readout
 from grader.domain.verify import Setting
@@ -13,6 +14,7 @@ from grader.labs import SAME, LabRun, Variant, build_lab_scene, choose_length_s,
 
 __all__ = [
     "DATA_FIELDS",
+    "MORE_NUDGED",
     "NUDGED",
     "PROBES",
     "SAME",
@@ -23,6 +25,7 @@ __all__ = [
     "choose_length_s",
     "evaluate",
     "format_readout",
+    "list_more_nudged",
     "read_xml",
     "remove_display",
     "run_experiment",
@@ -41,6 +44,13 @@ Source: far above rounding, far below any pixel.
 """
 
 NUDGED = (Variant(nudge=NUDGE), Variant(nudge=-NUDGE))
+
+PARTED = 1e-6
+"""How far the runs of two nudged starts may part before more are tried: ten thousand times as far as they began."""
+
+MORE_NUDGED = tuple(Variant(nudge=NUDGE, seed=seed) for seed in range(1, 15))
+"""Starts that are nudged in other directions, for motions that forget where they began: two of them may agree by
+chance, as two tosses of a coin do."""
 
 PROBES = 12
 """Linearisations of the equations of motion along a run."""
@@ -94,6 +104,14 @@ def _find_key(lab_key: str, keys: Mapping[str, str]) -> str:
     """Returns the key of the question for a key of the lab, such as `lab.readouts.0.expr`."""
     part = [*lab_key.split("."), ""][1]
     return keys.get(part, "verify")
+
+
+def list_more_nudged(runs: Sequence[LabRun]) -> tuple[Variant, ...]:
+    """Returns the further nudged starts that must be tried after those runs: none where they have not PARTED."""
+    one, other = (np.array(run.states) for run in runs)
+    if one.shape != other.shape or (one.size and not np.max(np.abs(one - other)) <= PARTED):
+        return MORE_NUDGED
+    return ()
 
 
 def remove_display(config: LabConfig, *readouts: str) -> LabConfig:

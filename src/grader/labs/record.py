@@ -44,6 +44,7 @@ class LabRun:
     `times` [s] are the lab's own, which go on when MuJoCo resets the state. `poses` are positions (geoms, 3) [m] and
     rotation matrices (geoms, 9) of the drawn `geoms`; a row holds the readouts, the traces of the plots and the trail.
     `rederived` says that derived quantities were computed again for the states shown, as RK4 leaves others.
+    `states` are positions and velocities at evenly spaced moments, of runs from a nudged start alone.
     `limit` is None where the lab has no slider of the timestep, or nothing that can be linearised.
     """
 
@@ -63,6 +64,7 @@ class LabRun:
     duration_s: float = 0.0
     steps: int = 0
     probes: list[Probe] = field(default_factory=list)
+    states: list[Floats] = field(default_factory=list)
     timing_ms: dict[str, float] = field(default_factory=dict)
 
     @property

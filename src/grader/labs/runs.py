@@ -30,8 +30,8 @@ FRAMES_PER_SECOND = 60
 FRAMES_PER_CHECK = 16
 """Frames after which the CPU time is read: with a frame for every step, reading it takes a third of a run."""
 CLOSE_UP_FRAMES = 120
-NUDGE_SEED = 0
-"""Draws the amounts by which nudged starts differ: always the same, so that a certificate can be repeated."""
+TRACED = 64
+"""Moments at which the state of a run from a nudged start is kept."""
 WARNINGS_MAX = 100
 
 Event = tuple[float, str]
@@ -41,15 +41,16 @@ Event = tuple[float, str]
 @dataclass(frozen=True)
 class Variant:
     """The same lab, slightly different, for certificates. Another integrator, timesteps `finer` times smaller, every
-    position and velocity of the start nudged by about `nudge` [rad or m, and per s], each by another amount: a shift of
-    all alike changes no distance; with `every_step` a frame for every step, without poses. Up to `close_up_s` [s] there
-    are CLOSE_UP_FRAMES frames, or one for every step.
-    The motion is linearised at `probes` moments, until MuJoCo resets it. With `as_stepped` derived quantities are shown
-    as mj_step left them, also where they belong to RK4's last stage."""
+    position and velocity of the start nudged by about `nudge` [rad or m, and per s], each by another amount that `seed`
+    draws: a shift of all alike changes no distance, and a seed repeats a certificate; with `every_step` a frame for
+    every step, without poses. Up to `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one for every step. The
+    motion is linearised at `probes` moments, until MuJoCo resets it. With `as_stepped` derived quantities are shown as
+    mj_step left them, also where they belong to RK4's last stage."""
 
     integrator: int | None = None
     finer: float = 1
     nudge: float = 0.0
+    seed: int = 0
     every_step: bool = False
     close_up_s: float = 0.0
     probes: int = 0
@@ -80,6 +81,7 @@ class LabSimulation:
         self.every_step, self.close_up_s, self.as_stepped, self.elapsed = False, 0.0, False, 0.0
         self.overlays = list_overlays(config.over_the_scene)
         self.probe_times: list[float] = []
+        self.traced_times: deque[float] = deque()
         self.record = LabRun(config, {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()})
         self._set(values, lambda _: True)
         programs.setup.run(self.machine)
@@ -130,7 +132,7 @@ class LabSimulation:
         if variant.integrator is not None:
             self.model.opt.integrator = variant.integrator
         if variant.nudge:
-            moved, sped = variant.nudge * np.random.default_rng(NUDGE_SEED).standard_normal((2, self.model.nv))
+            moved, sped = variant.nudge * np.random.default_rng(variant.seed).standard_normal((2, self.model.nv))
             mujoco.mj_integratePos(self.model, self.data.qpos, moved, 1.0)
             self.data.qvel += sped
             self._forward()
@@ -214,6 +216,8 @@ class LabSimulation:
             steps += 1
             if self.probe_times and self.probe_times[0] <= elapsed + 1e-9:
                 self._probe(elapsed)
+            if self.traced_times and self.traced_times[0] <= elapsed + 1e-9:
+                self._trace(elapsed)
             if shows_copy or self.shown is not self.own_shown:
                 self._refresh(shows_copy)
             times.append(elapsed)
@@ -271,6 +275,7 @@ class LabSimulation:
     def _keep_frame(self) -> None:
         self.record.duration_s = self.elapsed
         self._probe(self.elapsed)
+        self._trace(self.elapsed)
         self.record.times.append(self.elapsed)
         self._refresh(self.record.steps > 0 and self._shows_copy())
         if not self.every_step:  # a certificate draws no geoms
@@ -286,6 +291,12 @@ class LabSimulation:
             del self.probe_times[: len(due)]
             if not self.record.warnings:
                 self.record.probes.append(probe_motion(self.model, self.data))
+
+    def _trace(self, elapsed: float) -> None:
+        """Keeps the state where a moment for it has come."""
+        while self.traced_times and self.traced_times[0] <= elapsed + 1e-9:
+            self.traced_times.popleft()
+            self.record.states.append(np.concatenate((self.data.qpos, self.data.qvel)))
 
     def _read_row(self) -> list[Value]:
         """Returns what is shown, each as `_value`."""
@@ -361,6 +372,8 @@ def run_lab(
     running.vary(variant)
     running.pull(pulls)
     running.probe_times = [duration * i / variant.probes for i in range(variant.probes)]
+    if variant.nudge:
+        running.traced_times.extend(duration * (i + 1) / TRACED for i in range(TRACED))
     prepared = time.perf_counter()
     running.go(duration)
     ran = time.perf_counter()

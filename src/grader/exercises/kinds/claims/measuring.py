@@ -19,10 +19,11 @@ from grader.experiments.limits import (
     explain_unsettled,
     find_limit,
     list_other_ends,
+    measure_nudged,
 )
 from grader.experiments.quantities import WAVES, measure, measure_waves, read_trace
 from grader.experiments.regime import RegimeFailure, describe_reset
-from grader.experiments.runs import NUDGED, SAME, LabRun, Variant, VerifyError, run_experiment, to_number
+from grader.experiments.runs import SAME, LabRun, Variant, VerifyError, run_experiment, to_number
 
 STEPS_MAX = 20_000
 """Most steps at the model's own timestep in all runs of a case: seconds of computing, with those at shorter ones."""
@@ -253,8 +254,11 @@ def measure_given(bench: Bench, index: int, own: Floats, allowed: float) -> Meas
     """Returns a claim about the discretisation itself: only nudged starts are varied. Raises as `Bench.measure`."""
     claim = bench.problem.claims[index]
     points = list_points(bench.problem, claim)
-    nudged = [[bench.measure(claim, experiment, variant, at_s)[1] for experiment, at_s in points] for variant in NUDGED]
-    noise = float(np.abs(np.array(nudged) - own).max())
+    nudged = [
+        measure_nudged(lambda variant, one=one, at_s=at_s: bench.measure(claim, one, variant, at_s))  # type: ignore[misc]
+        for one, at_s in points
+    ]
+    noise = max(float(np.abs(np.array(each) - value).max()) for each, value in zip(nudged, own, strict=True))
     trouble = explain_doubt(index, noise, allowed, describe_noise(noise))
     return MeasuredClaim(own, noise, own, trouble, (1.0,) * len(points))
 
