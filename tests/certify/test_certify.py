@@ -201,8 +201,8 @@ def test_a_question_that_goes_on_from_the_limit_of_a_servo_is_not_inferred(asked
 @pytest.mark.parametrize(
     "beside",
     ["through a gear", "with an armature", "with another damping of 20 N m s/rad", "and has a stiffness",
-     "and hangs: a pendulum", "and weighs 2 kg", "in steps of Adams and Bashforth", "and must not overshoot", "and shall be free of oscillation",
-     "under explicit Euler for both"],
+     "and hangs: a pendulum", "and weighs 2 kg", "in steps of Adams and Bashforth", "and must not overshoot",
+     "and shall be free of oscillation", "under explicit Euler for both"],
 )  # fmt: skip
 def test_a_servo_with_more_than_inertia_and_damping_is_not_inferred(beside: str) -> None:
     """Each of these has another limit: gear² kv counts, the armature is inertia, 2.5 ms is where overshoot begins."""
@@ -293,6 +293,22 @@ def test_a_threshold_of_a_model_in_the_folder() -> None:
     refused = certify(numeric(22.365, 0.5, "ms", **verify))
     assert not refused.ok
     assert "derived 20.1" in refused.why
+
+
+TOGGLE = """<mujoco><compiler angle="radian"/><option timestep="0.001" gravity="0 0 0"/><worldbody>
+  <site name="wall" pos="0.6 0 0.3"/>
+  <body><inertial pos="0 0 0.5" mass="1" diaginertia=".01 .01 .01"/>
+    <joint axis="0 1 0" damping="0.05" stiffness="10"/><site name="arm" pos="0 0 0.5"/></body></worldbody>
+  <tendon><spatial stiffness="1000" springlength="0.25"><site site="wall"/><site site="arm"/></spatial></tendon>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(("start", "limit_ms"), [(1.33, 111.6), (0.5, 70.6)])
+def test_the_limit_is_that_of_the_well_in_which_the_motion_begins(start: float, limit_ms: float) -> None:
+    """A toggle comes to rest on either side, and is held there by different stiffnesses."""
+    for answer, verdict in ((limit_ms, "certified"), (182.2 - limit_ms, "refuted")):
+        question = numeric(answer, 2, "ms", by="threshold", xml=TOGGLE, qpos=[start])
+        assert certify(question).verdict == verdict
 
 
 def test_a_limit_under_another_integrator_than_the_models_own_is_remarked_on() -> None:

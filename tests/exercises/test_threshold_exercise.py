@@ -91,7 +91,7 @@ def test_none_everywhere_earns_nothing() -> None:
     verdict = judged(SERVO, **{f"t{i}_claim": claimed() for i in range(21)})
     assert (verdict.status, verdict.points) == (Status.INCORRECT, 0)
     said = {finding.id: finding.message for finding in verdict.findings}
-    assert "counts only if you find a limit" in said["heavily-damped.implicitfast"]
+    assert "counts only if you find a limit" in said["hidden-6.implicitfast"]
     assert "None was returned" in said["lesson.implicitfast"]
 
 
@@ -268,7 +268,7 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
         ({"numbers": {"kp": {"element": "motor[@name='servo']", "attribute": "kp"}}}, "check.numbers.kp.element"),
         ({"numbers": {"kp": {"element": "position[@@", "attribute": "kp"}}}, "check.numbers.kp.element"),
         ({"numbers": {"kp": {"element": "./actuator/position", "attribute": "kp"}}}, "check.numbers.kp.element"),
-        ({"cases": [{"id": "a", "hidden": True, "set": {"mass": [-1, 1]}}]}, "check.cases.0"),
+        ({"cases": [{"id": "a", "hidden": True, "set": {"mass": [-1, 1]}}]}, "check.cases.0.set.mass"),
         ({"cases": [{"id": "a", "hidden": True, "set": {"mass": [1, -1]}}]}, "check.cases.0.set.mass"),
     ],
 )

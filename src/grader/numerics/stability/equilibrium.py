@@ -21,6 +21,9 @@ UNSTABLE_RATE = 1e-3
 RELAXATIONS = 400
 """Most steps of the overdamped motion to a stable equilibrium."""
 
+APART = 1e-3
+"""Positions that are farther apart are two equilibria [rad, m]."""
+
 GAIN, FARTHEST, AT_REST = 0.5, 0.05, 1e-6
 """Step of the overdamped motion over its stability limit, its longest step, and the one at which it ends [rad, m]."""
 
@@ -83,13 +86,25 @@ def find_held_activations(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray
 def find_equilibrium_of_motion(scene: Scene) -> Scene | None:
     """Find the equilibrium at which damping would bring the motion from the scene's start to rest; None if none exists.
 
-    It is the one near qpos0 unless that is unstable in the exact motion, as of a pendulum that is defined upright.
+    It is the one near qpos0 unless that is unstable in the exact motion, as of a pendulum that is defined upright, or
+    the overdamped motion from the start comes to rest APART from it, as in the other well of a toggle.
     """
-    upright = find_equilibrium(scene)
-    if upright is None or scene.model.nv == 0 or not _is_unstable(upright):
-        return upright
+    near = find_equilibrium(scene)
+    if near is None or scene.model.nv == 0:
+        return near
+    if np.array_equal(scene.start.qpos, scene.model.qpos0) and not _is_unstable(near):
+        return near
     relaxed, residual = _find_rest(scene, "hybr", _relax(scene))
-    return relaxed if residual <= REST and not _is_unstable(relaxed) else upright
+    if residual > REST or _is_unstable(relaxed):
+        return near
+    return relaxed if _is_unstable(near) or _measure_distance(near, relaxed) > APART else near
+
+
+def _measure_distance(one: Scene, other: Scene) -> float:
+    """Returns the largest coordinate of the way between two positions [rad, m]."""
+    way = np.zeros(one.model.nv)
+    mujoco.mj_differentiatePos(one.model, way, 1.0, np.array(one.start.qpos), np.array(other.start.qpos))
+    return float(np.abs(way).max())
 
 
 def _is_unstable(resting: Scene) -> bool:
