@@ -80,6 +80,12 @@ def test_a_key_far_below_the_middle_is_derived_to_its_own_tolerance() -> None:
     assert settle(question, {"m": 0.02}, lambda _: "").answer == pytest.approx(12.649, rel=0.002)  # type: ignore[attr-defined]
 
 
+def test_a_key_that_changes_its_sign_between_the_ends_needs_a_tolerance() -> None:
+    wave = {"answer": 0.18, "verify": {"by": "expression", "expr": "0.2 * Math.cos(2 * Math.sqrt({k} / 2))"}}
+    told = explain({"kind": "numeric", **wave, "q": "{k}?", "draw": {"k": [20, 320]}})
+    assert [why.partition(":")[0] for why in told] == ["tol"]
+
+
 @pytest.mark.parametrize(
     ("draw", "tol", "is_told"), [([-1, 2], None, True), ([-1, 2], 0.1, False), ([1, 2], None, False)]
 )

@@ -426,6 +426,19 @@ def test_a_peak_that_still_grows_at_the_end_of_the_run_is_remarked(timestep: str
     assert not certify(numeric(early, 0.01, "m", **swing, when="max", seconds=1, until=0.2)).remarks
 
 
+def test_a_beat_has_not_settled_in_its_quiet_part() -> None:
+    """Two coupled masses with frequencies of 2.83 and 3.74 rad/s: the first one rests after 3.5 s, and swings as far as
+    before 7 s after its start, and every 7 s."""
+    seconds, beat = 2.8, {"by": "measurement", "xml": world(COUPLED), "controller": COUPLING, "expr": X}
+    start = {"setup": "data.qpos[0] = 0.1", "when": "settling", "band": 0.06, "level": 0}
+    times = np.linspace(0, seconds, 100_001)
+    swing = 0.05 * (np.cos(math.sqrt(8) * times) + np.cos(math.sqrt(14) * times))
+    settled = times[np.flatnonzero(np.abs(swing) > 0.06)[-1] + 1]
+    certificate = certify(numeric(float(settled), 0.05, "s", **beat, **start, seconds=seconds))
+    assert certificate.verdict == "cannot tell"
+    assert "settle" in certificate.why
+
+
 @pytest.mark.parametrize(("seconds", "timestep"), [(16, "given"), (20, "given"), (20, "both"), (30, "given")])
 def test_a_toss_is_no_key_whichever_way_it_falls(seconds: float, timestep: str) -> None:
     """Where the double pendulum points then is decided by less than 1e-10: of starts nudged by it, half point either

@@ -9,7 +9,10 @@ from grader.certify import Certificate, certify_key
 from grader.errors import GraderError
 from grader.experiments.limits import UNCERTAINTY_SHARE
 from grader.questions import AnswerKey, ModelXml, NumberKey, Question, kind_of
-from grader.questions.drawing import PROSE, Drawable, list_corners, list_names
+from grader.questions.drawing import PROSE, Drawable, draw_numbers, list_corners, list_names
+
+INSIDE = 8
+"""Draws of which the sign of a key without a tolerance is looked at, beside the ends of the ranges."""
 
 
 class NoKey(GraderError):
@@ -79,14 +82,25 @@ def certify_corners(question: Question, model_xml: ModelXml) -> Iterator[tuple[A
             if certificate is not None and not certificate.ok:
                 yield key, replace(certificate, why=f"with {describe(numbers)}: {certificate.why}", key="draw")
     for key in keys:
-        if (
-            isinstance(key, NumberKey)
-            and len(signs[key.place]) > 1
-            and not has_tolerance(cast(Drawable, question), key)
-        ):
+        if not isinstance(key, NumberKey) or has_tolerance(cast(Drawable, question), key):
+            continue
+        if len(signs[key.place]) > 1 or changes_sign(question, key, signs[key.place], model_xml):
             why = "the key has either sign, and without `tol` next to nothing is right where it is near 0: give tol"
             at = f"{key.place}.tol" if key.place else "tol"
             yield key, Certificate("cannot tell", why, "verify", None, key.answer, key=at)
+
+
+def changes_sign(question: Question, key: AnswerKey, signs: set[bool], model_xml: ModelXml) -> bool:
+    """Whether a key that has these `signs` at the ends of the ranges has another for some numbers between them."""
+    for seed in range(INSIDE):
+        try:
+            posed = settle(question, draw_numbers(cast(Drawable, question).draw, seed), model_xml)
+        except NoKey:  # which the ends tell of
+            continue
+        drawn = next(own for own in kind_of(posed).answer_keys(posed) if own.place == key.place)
+        if (drawn.answer > 0) not in signs:
+            return True
+    return False
 
 
 def has_tolerance(question: Drawable, key: AnswerKey) -> bool:

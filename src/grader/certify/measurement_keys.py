@@ -88,7 +88,7 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
         if certificate.ok and verify.when == "settling":
             ends = list_other_ends(verify.until or verify.seconds, is_part=verify.until is not None)
             others = {end: read(SAME, verify.model_copy(update={"seconds": end, "until": None}))[1] for end in ends}
-            why = explain_unsettled(measure(SAME)[1], others, key.tolerance)
+            why = explain_unsettled(measure(SAME)[1], others, key.tolerance, is_part=verify.until is not None)
             certificate = _doubt(certificate, "settled", why)
         return _remark_number(certificate, verify.expr)
     except RegimeFailure as error:

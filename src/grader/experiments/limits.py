@@ -20,7 +20,7 @@ UNCERTAINTY_SHARE = 0.2
 WHOLE = 1e-6
 """Distance from a whole number at which a run counts as that many steps: rounding of the sum of the timesteps."""
 
-LONGER, ENOUGH = 1.5, 1.2
+LONGER, MUCH_LONGER, ENOUGH = 1.5, 2.5, 1.2
 """How many times as long a run is, and at least has to be, that shows whether something has settled: then it settles at
 the same time."""
 
@@ -126,19 +126,21 @@ def explain_change(name: str, waves: Floats, value: float, allowed: float) -> st
 
 
 def list_other_ends(end_s: float, *, is_part: bool) -> list[float]:
-    """Returns when runs end [s] that show whether another, which ends at `end_s`, has settled: later, or earlier where
-    labs may hardly last longer. Where the other is a part of a run both will do: after it something else may begin."""
-    later = min(LONGER * end_s, SECONDS_MAX)
-    ends = [later] if later > ENOUGH * end_s else []
-    return ends if ends and not is_part else [*ends, end_s / LONGER]
+    """Returns when runs end [s] that show whether another, which ends at `end_s`, has settled: later and much later, as
+    a beat is quiet for a while, or earlier where labs may hardly last longer. Where the other is a part of a run, one
+    that ends later or earlier will do: after it something else may begin."""
+    later = dict.fromkeys(min(factor * end_s, SECONDS_MAX) for factor in (LONGER, MUCH_LONGER))
+    ends = [end for end in later if end > ENOUGH * end_s]
+    return [*ends[:1], end_s / LONGER] if is_part or not ends else ends
 
 
-def explain_unsettled(settled: float, others: Mapping[float, float], allowed: float) -> str | None:
+def explain_unsettled(settled: float, others: Mapping[float, float], allowed: float, *, is_part: bool) -> str | None:
     """Says that something which `settled` at a time of a run moves on after its end: runs that end at other times [s]
-    have `others`, NaN where it does not settle. None where one of them agrees within `allowed`."""
-    if any(abs(other - settled) <= allowed for other in others.values()):
+    have `others`, NaN where it does not settle. None where they agree within `allowed`, one of them of a part."""
+    apart = {end_s: other for end_s, other in others.items() if not abs(other - settled) <= allowed}
+    if not apart or (is_part and len(apart) < len(others)):
         return None
-    end_s, other = next(iter(others.items()))
+    end_s, other = next(iter(apart.items()))
     then = f"at {other:.6g}" if isfinite(other) else "at no time"
     return (
         f"it has not settled when the run ends: in one of {end_s:g} s it settles {then}, not at {settled:.6g}: "

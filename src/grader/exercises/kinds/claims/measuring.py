@@ -294,8 +294,10 @@ def explain_ambiguity(claim: Claim, experiment: Experiment, finest: float, own: 
         waves = claim.scale * measure_waves(claim.quantity, times, values, claim)
         return explain_change(claim.quantity, waves, read_value(claim, times, values), allowed)
     if claim.quantity == "settling":
-        ends = list_other_ends(claim.until or experiment.seconds, is_part=claim.until is not None)
-        return explain_unsettled(own, {end: read_until(claim, experiment, end) for end in ends}, allowed)
+        is_part = claim.until is not None
+        ends = list_other_ends(claim.until or experiment.seconds, is_part=is_part)
+        others = {end: read_until(claim, experiment, end) for end in ends}
+        return explain_unsettled(own, others, allowed, is_part=is_part)
     return None
 
 
