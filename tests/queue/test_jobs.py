@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import pytest
-from sqlalchemy import text, update
+from sqlalchemy import make_url, text, update
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
@@ -437,11 +437,12 @@ def test_a_worker_killed_in_the_middle_loses_nothing(database: Database, url: st
         assert state(database, submission_id) == ("graded", ["queued", "running", "running", "graded"])
 
 
-def test_the_jobs_of_a_living_owner_stay_its_own(database: Database) -> None:
+def test_the_jobs_of_a_living_owner_stay_its_own(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     if database.is_sqlite:
         with pytest.raises(Unprocessable, match="GRADER_DATABASE_URL"):
             run_worker(Settings(database_url=str(database.engine.url)), build_deliveries)
         return
+    monkeypatch.setattr("grader.queue.owners.GRACE_S", 0.0)
     submission_id = hand_in(database)
     first, second = PostgresOwner(database), PostgresOwner(database)
     first.keep()
@@ -471,6 +472,111 @@ def test_an_owner_takes_its_lock_again_after_a_lost_connection(database: Databas
     wait_until(lambda: keep_and_look(owner, other))
     owner.close()
     other.close()
+
+
+def test_an_owner_without_its_lock_has_a_while_to_take_it_again(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if database.is_sqlite:
+        return
+    hand_in(database)
+    owner, other = PostgresOwner(database), PostgresOwner(database)
+    owner.keep()
+    with database.write() as session:
+        jobs.claim(session, owner.id)
+    now_s = [0.0]
+    monkeypatch.setattr("grader.queue.owners.time.monotonic", lambda: now_s[0])
+    for now_s[0], is_lost, is_released in ((0, 1, 0), (4, 1, 0), (5, 0, 0), (6, 1, 0), (10, 1, 0), (11, 1, 1)):
+        owner.close() if is_lost else owner.keep()
+        other.keep()
+        held = claim(database)
+        assert (held is not None) == is_released, now_s
+    assert held is not None
+    assert held.tries == 2  # its worker may have died of it
+    other.close()
+
+
+def test_a_live_worker_takes_back_what_was_released_and_no_try_is_lost(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As when it was cut off from the database for long; others claim the job more often than it may be tried."""
+    submission_id = hand_in(database)
+    tries: list[int] = []
+
+    def grade(_: Submission) -> Verdict:
+        for is_claimed in (True, True, True, True, False):
+            release(database)
+            if is_claimed:
+                other = claim(database)
+                assert other is not None
+                tries.append(other.tries)
+            worker._mend_claims()
+            assert claim(database) is None
+        release(database)  # and at the moment of its outcome
+        other = claim(database)
+        assert other is not None
+        late.append(other)
+        return GOOD
+
+    late: list[ClaimedJob] = []
+    worker = a_worker(database, grade)
+    assert worker.do_one()
+    assert tries == [2] * 4
+    assert state(database, submission_id) == ("graded", ["queued", "running", "graded"])
+    with database.write() as session:
+        assert not jobs.take_back(session, OTHER, late[0])
+        assert jobs.count_jobs(session) == 0
+
+
+def test_of_two_claims_in_progress_the_earlier_one_holds(database: Database) -> None:
+    hand_in(database)
+    first = claim(database)
+    release(database)
+    second = claim(database)
+    assert first is not None
+    assert second is not None
+    with database.write() as session:
+        assert jobs.take_back(session, OTHER, first)
+        assert not jobs.take_back(session, OTHER + 1, second)
+        assert not jobs.finish(session, second)
+        assert jobs.put_back(session, first, 0.0, tried=False)
+        assert not jobs.take_back(session, OTHER, first)
+
+
+@pytest.mark.slow
+def test_lost_sessions_cost_a_running_script_no_try(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if url.startswith("sqlite"):
+        return
+    monkeypatch.setattr("grader.queue.worker.KEEP_S", 0.2)
+    monkeypatch.setattr("grader.queue.worker.LOOK_S", 0.1)
+    monkeypatch.setattr("grader.queue.owners.GRACE_S", 1.0)
+    named = make_url(url).update_query_dict({"application_name": "grader_cut"}).render_as_string(hide_password=False)
+    databases = [Database(named.replace("+", "%20")) for _ in range(2)]
+    watching, begun = Database(url), list[str]()
+
+    def grade(submission: Submission) -> Verdict:
+        begun.append(submission.id)
+        time.sleep(4)
+        return GOOD
+
+    workers = [a_worker(database, grade) for database in databases]
+    submission_id = hand_in(watching)
+    for worker in workers:
+        worker.start()
+    try:
+        wait_until(lambda: bool(begun))
+        end = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application_name = 'grader_cut'"
+        for _ in range(6):
+            time.sleep(0.5)
+            with watching.write() as session:
+                session.execute(text(end))
+        wait_until(partial(is_graded, watching, submission_id))
+    finally:
+        for worker in workers:
+            worker.stop()
+        for database in (*databases, watching):
+            database.close()
+    assert begun == [submission_id]
 
 
 def keep_and_look(owner: PostgresOwner, other: PostgresOwner) -> bool:

@@ -165,8 +165,19 @@ FINISH = delete(JobRow).where(JobRow.id == bindparam("job"), JobRow.lease == bin
 
 
 def finish(session: Session, claimed: ClaimedJob) -> bool:
-    """Removes a job that is done. False if it was released since the claim; this try then counts for nothing."""
+    """Removes a job that is done. False if it was released since the claim: `take_back` may renew that."""
     return session.connection().execute(FINISH, {"job": claimed.job_id, "held": claimed.lease}).first() is not None
+
+
+def take_back(session: Session, owner: int, claimed: ClaimedJob) -> bool:
+    """Renews a claim that was released while its owner lived, cut off from the database: the job is the owner's again,
+    and no try was lost, also where another has claimed it since. Of several claims that are in progress the earliest
+    holds. False if the job is done, or waits for another reason."""
+    later = or_(and_(IS_OWNED, JobRow.tries > claimed.tries), and_(WAITS, JobRow.tries == claimed.tries))
+    same = (JobRow.id == claimed.job_id, JobRow.topic == claimed.topic, JobRow.subject == claimed.subject)
+    stop_at = case((IS_OWNED, JobRow.due_at), else_=None)
+    again = update(JobRow).where(*same, later).values(owner=owner, lease=claimed.lease, tries=claimed.tries)
+    return session.execute(again.values(due_at=stop_at).returning(JobRow.id)).first() is not None
 
 
 def put_back(session: Session, claimed: ClaimedJob, delay_s: float, *, tried: bool) -> bool:

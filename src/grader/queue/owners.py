@@ -1,9 +1,11 @@
 """The owners of jobs in progress: each process that works is one, and the jobs of those that ended are released.
 PostgreSQL: an owner holds an advisory lock in a session of its own. The server frees the lock with the session, so that
-the jobs of a killed worker are released at the next look, and no clock decides who is alive. SQLite: one process works
-on a database. What another owner has claimed was left by an earlier process."""
+the jobs of a killed worker are released, and no clock of its machine decides who is alive. A lost session is not yet
+the end of its owner, which has `GRACE_S` to take the lock again. SQLite: one process works on a database. What another
+owner has claimed was left by an earlier process."""
 
 import secrets
+import time
 from typing import Protocol
 
 from sqlalchemy import Connection, func, select, text
@@ -21,6 +23,10 @@ LIVE = 7_105_118
 
 KEEPALIVE = {"tcp_keepalives_idle": 10, "tcp_keepalives_interval": 5, "tcp_keepalives_count": 3}
 """The server notices after 25 s that the machine of an owner is gone [s, s, probes]."""
+
+GRACE_S = 5.0
+"""How long an owner must be seen without its lock until its jobs are released [s]. One that lives looks more often, and
+takes the lock again."""
 
 
 SCHEMA = func.hashtext(func.current_schema())
@@ -80,14 +86,20 @@ class PostgresOwner:
         self.id = secrets.randbits(31)
         self._database = database
         self._connection: Connection | None = None
+        self._missed: dict[int, float] = {}
+        """Since when each owner with jobs was seen without its lock, at every look."""
 
     def keep(self) -> None:
-        """Takes the lock again if its session was lost, and releases the jobs of owners without a lock. Raises
-        DBAPIError while the database is away."""
+        """Takes the lock again if its session was lost, and releases the jobs of owners that were without a lock for
+        `GRACE_S`. Raises DBAPIError while the database is away."""
         self._hold()
         with self._database.write() as session:
             others = {owner for owner, _ in jobs.list_owned(session)} - {self.id}
-            ended = {owner for owner in others if self._has_ended(session, owner)}
+            seen_at = time.monotonic()
+            self._missed = {
+                owner: self._missed.get(owner, seen_at) for owner in others if self._has_ended(session, owner)
+            }
+            ended = {owner for owner, since in self._missed.items() if seen_at - since >= GRACE_S}
             jobs.release(session, [lease for owner, lease in jobs.list_owned(session) if owner in ended])
 
     def close(self) -> None:
@@ -104,6 +116,7 @@ class PostgresOwner:
                 return
             except DBAPIError:
                 self.close()
+        self._missed.clear()  # what has cost us our session may have cost the others theirs, a moment ago
         connection = self._database.engine.connect().execution_options(isolation_level="AUTOCOMMIT")
         self._connection = connection
         for name, value in KEEPALIVE.items():

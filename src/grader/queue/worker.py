@@ -97,7 +97,8 @@ class Worker:
     `APART`, and the first ones leave them alone.
 
     A job that fails, or whose worker dies, goes back to the queue and is tried again as `retries` says. While the
-    database is away, the worker waits for it; the outcomes of jobs in progress are stored when it is back. `stop_job`
+    database is away, the worker waits for it; the outcomes of jobs in progress are stored when it is back, and a lost
+    session is no try. `stop_job`
     is called with the subject of a job that is to stop, again and again until the job has an outcome."""
 
     database: Database
@@ -197,7 +198,7 @@ class Worker:
         if started is None:
             return JobOutcome(lambda _: None)
         if claimed.tries > self.retries.tries:
-            log.error("a job killed its worker every time", topic=claimed.topic, subject=claimed.subject)
+            log.error("the workers of a job ended at every try", topic=claimed.topic, subject=claimed.subject)
             return task.give_up(started)
         try:
             return task.run(started)
@@ -213,7 +214,7 @@ class Worker:
         def end(session: Session) -> None:
             if pause_s is not None:
                 self._put_back(session, claimed, pause_s, tried=True)
-            elif jobs.finish(session, claimed):
+            elif jobs.finish(session, claimed) or self._finish_released(session, claimed):
                 outcome.store(session)
 
         try:
@@ -222,6 +223,9 @@ class Worker:
             log.exception("an outcome cannot be stored", topic=claimed.topic, subject=claimed.subject)
             delay_s = LOOK_S * 2 ** min(claimed.tries, 10)
             self._write(lambda session: self._put_back(session, claimed, delay_s, tried=True))
+
+    def _finish_released(self, session: Session, claimed: ClaimedJob) -> bool:
+        return jobs.take_back(session, self.owner.id, claimed) and jobs.finish(session, claimed)
 
     def _put_back(self, session: Session, claimed: ClaimedJob, delay_s: float, *, tried: bool) -> None:
         if jobs.put_back(session, claimed, delay_s, tried=tried):
@@ -268,7 +272,7 @@ class Worker:
         """Looks once. Returns whether a job is still to stop."""
         try:
             self.owner.keep()
-            self._release_lost()
+            self._mend_claims()
             return self._stop_asked()
         except AWAY as error:
             log.warning("the database is away", error=type(error).__name__)
@@ -276,13 +280,20 @@ class Worker:
             log.exception("the owner of jobs cannot be kept")
         return False
 
-    def _release_lost(self) -> None:
-        """Releases claims whose commit succeeded although its answer got lost."""
+    def _mend_claims(self) -> None:
+        """Releases claims whose commit succeeded although its answer got lost, and takes back jobs in progress that
+        were released while the database was out of reach."""
+        held = list(self._held.values())
         with self.database.read() as session:
             ours = [lease for owner, lease in jobs.list_owned(session) if owner == self.owner.id]
-        if lost := [lease for lease in ours if lease not in self._held]:
+        lost = [lease for lease in ours if lease not in self._held]
+        gone = [claimed for claimed in held if claimed.lease not in ours and claimed.lease in self._held]
+        if lost or gone:
             with self.database.write() as session:
                 jobs.release(session, lost)
+                for claimed in gone:
+                    if jobs.take_back(session, self.owner.id, claimed):
+                        log.warning("a job was taken back", topic=claimed.topic, subject=claimed.subject)
 
     def _stop_asked(self) -> bool:
         with self.database.read() as session:
