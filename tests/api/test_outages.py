@@ -2,6 +2,7 @@
 
 import json
 import secrets
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +16,7 @@ from sqlalchemy import event, make_url, text
 
 from grader.courses.people.identity import COOKIE
 from grader.courses.people.sign_in import create_sign_in_code, redeem_sign_in_code
+from grader.gate.single_call import NAME
 from grader.settings import Settings
 from grader.store.engine.database import Database
 from support.databases import database_url
@@ -106,6 +108,35 @@ def test_readiness_and_metrics_follow_a_lost_postgresql(cabled: Cabled) -> None:
     cable.mend()
     time.sleep(1.1)
     assert nobody.get("/readyz").json()["checks"]["database"]["ok"]
+
+
+@pytest.mark.postgres
+@pytest.mark.slow
+def test_a_postgresql_that_keeps_its_connections_and_is_silent_is_named_in_time(
+    cabled: Cabled, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("readiness", "monitoring"):
+        monkeypatch.setattr(f"grader.gate.{module}.DEADLINE_S", 0.5)
+    cable, site = cabled
+    nobody = site.anonymous()
+    assert nobody.get("/readyz").json()["checks"]["database"]["ok"]
+    cable.freeze()
+    threads = []
+    for _ in range(4):
+        time.sleep(1.1)  # findings are kept for a second
+        began = time.monotonic()
+        problem = refused(nobody.get("/readyz"))
+        assert problem["checks"]["database"] == {"ok": False, "why": "There is no answer after 0.5 s."}
+        assert problem["checks"]["content"]["ok"]
+        assert "database: There is no answer" in problem["detail"]
+        assert "grader_database_up 0.0" in nobody.get("/metrics").text
+        assert time.monotonic() - began < 4
+        threads.append([thread.name for thread in threading.enumerate()].count(NAME))
+    assert max(threads) <= 3, threads  # two checks and the metrics
+    cable.thaw()
+    time.sleep(1.1)
+    assert nobody.get("/readyz").json()["checks"]["database"]["ok"]
+    assert "grader_database_up 1.0" in nobody.get("/metrics").text
 
 
 @pytest.mark.postgres

@@ -16,6 +16,8 @@ class Cable:
     def __init__(self, target: tuple[str, int]) -> None:
         self._target = target
         self._ends: list[socket.socket] = []
+        self._flows = threading.Event()
+        self._flows.set()
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port: int = self._listener.getsockname()[1]
         self._listen()
@@ -28,6 +30,14 @@ class Cable:
             end.close()
         self._accepting.join()
         self._ends.clear()
+
+    def freeze(self) -> None:
+        """Keeps every connection and accepts more, and passes nothing on until `thaw`."""
+        self._flows.clear()
+
+    def thaw(self) -> None:
+        """Passes on what has come, and what comes."""
+        self._flows.set()
 
     def mend(self) -> None:
         """Accepts connections again."""
@@ -45,13 +55,14 @@ class Cable:
                 theirs = socket.create_connection(self._target)
                 self._ends += [ours, theirs]
                 for source, target in ((ours, theirs), (theirs, ours)):
-                    threading.Thread(target=forward, args=(source, target), daemon=True).start()
+                    threading.Thread(target=forward, args=(source, target, self._flows), daemon=True).start()
 
 
-def forward(source: socket.socket, target: socket.socket) -> None:
-    """Copies bytes until one side ends, then ends the other."""
+def forward(source: socket.socket, target: socket.socket, flows: threading.Event) -> None:
+    """Copies bytes while they flow until one side ends, then ends the other."""
     with suppress(OSError):
         while data := source.recv(65536):
+            flows.wait()
             target.sendall(data)
     for end in (source, target):
         with suppress(OSError):
@@ -66,6 +77,7 @@ def cable_to(url: str) -> Iterator[tuple[Cable, str]]:
     try:
         yield cable, parsed.set(host="127.0.0.1", port=cable.port).render_as_string(hide_password=False)
     finally:
+        cable.thaw()
         cable.cut()
 
 

@@ -1,5 +1,6 @@
 """`/healthz`: the process answers. `/readyz`: it can grade. `/metrics`: how it does, for Prometheus."""
 
+import asyncio
 import secrets
 from typing import Annotated
 
@@ -36,13 +37,14 @@ async def show_readiness(services: AppServices) -> Response:
 
 
 @router.get("/metrics", response_class=PlainTextResponse, responses=refusals(401, 403, 422, 429))
-def show_metrics(services: AppServices, authorization: Annotated[str, Header(max_length=1000)] = "") -> Response:
+async def show_metrics(services: AppServices, authorization: Annotated[str, Header(max_length=1000)] = "") -> Response:
     """Metrics in Prometheus' text format: of this process, and of the queue in the database.
 
     Open on loopback without `GRADER_PUBLIC_ORIGIN`; elsewhere, or where `GRADER_METRICS_TOKEN` is set, for its bearer.
     """
     require_token(services, authorization)
-    return Response(services.monitor.exposition(), headers=NO_STORE, media_type=CONTENT_TYPE_LATEST)
+    text = await asyncio.wrap_future(services.monitor.shown.begin())
+    return Response(text, headers=NO_STORE, media_type=CONTENT_TYPE_LATEST)
 
 
 def require_token(services: Services, authorization: str) -> None:

@@ -5,6 +5,7 @@ of the database, and so the same in every process."""
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from prometheus_client import REGISTRY, CollectorRegistry, generate_latest
@@ -15,6 +16,7 @@ from sqlalchemy.orm import Session
 
 from grader.domain.verdict import Status
 from grader.errors import JailFault, NotReady
+from grader.gate.single_call import DEADLINE_S, SingleCall
 from grader.grading.content import Contents
 from grader.grading.processes import Graders
 from grader.metrics import FOLDER, JOBS_FAILED, VERDICTS
@@ -87,16 +89,28 @@ class Monitor(Collector):
         """Counts the live workers of the database."""
         return self.worker.alive_on(session)
 
-    def collect(self) -> Iterator[GaugeMetricFamily]:
-        """The state of the database, the queue and the jail as it is now, for the Prometheus client."""
+    @cached_property
+    def stored(self) -> SingleCall[tuple[bool, list[GaugeMetricFamily]]]:
+        """Whether the database takes writes, and its metrics: none while it is away."""
+        return SingleCall(self._read_stored)
+
+    def _read_stored(self) -> tuple[bool, list[GaugeMetricFamily]]:
         try:
             with self.database.read() as session:
                 families = [*queue_families(session, self.worker), outbox_family(session)]
         except Exception as error:
             if not is_away(error):
                 raise
-            families = []
-        is_up = bool(families) and self.takes_writes()
+            return False, []
+        return self.takes_writes(), families
+
+    def collect(self) -> Iterator[GaugeMetricFamily]:
+        """The state of the database, the queue and the jail as it is now, for the Prometheus client. A database that
+        does not answer within `DEADLINE_S` is away."""
+        try:
+            is_up, families = self.stored.begin().result(DEADLINE_S)
+        except TimeoutError:
+            is_up, families = False, []
         yield GaugeMetricFamily("grader_database_up", "Whether the database answers and takes writes.", float(is_up))
         yield from families
         graders = self.graders
@@ -107,6 +121,11 @@ class Monitor(Collector):
             jail = GaugeMetricFamily("grader_jail_info", "What the jail told at its start; always 1.", labels=names)
             jail.add_metric([str(graders.jail[name]) for name in names], 1)
             yield jail
+
+    @cached_property
+    def shown(self) -> SingleCall[bytes]:
+        """The `exposition`, for those who cannot wait for a thread that others may hold."""
+        return SingleCall(self.exposition)
 
     def exposition(self) -> bytes:
         """All metrics in Prometheus' text format: of this process, or of all that `grader serve` has started."""

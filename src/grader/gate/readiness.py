@@ -5,12 +5,13 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import structlog
-from fastapi.concurrency import run_in_threadpool
 
 from grader.errors import NotReady
+from grader.gate.single_call import DEADLINE_S, SingleCall
 
 log = structlog.get_logger()
 
@@ -23,9 +24,11 @@ Check = Callable[[], dict[str, Any]]
 
 @dataclass
 class Readiness:
-    """The checks by name. For the event loop; they run one after the other, in one thread at a time."""
+    """The checks by name. For the event loop; each runs in a thread of its own, once at a time. One that does not come
+    back within `DEADLINE_S` has failed, and is not begun again before it has."""
 
     checks: dict[str, Check]
+    _calls: dict[str, SingleCall[dict[str, Any]]] = field(default_factory=dict)
     _results: dict[str, Any] = field(default_factory=dict)
     _at: float = -math.inf
     _lock: asyncio.Lock = field(default_factory=asyncio.Lock)
@@ -34,7 +37,7 @@ class Readiness:
         """Returns the result of each check, at most `FRESH_S` ago."""
         async with self._lock:
             if time.monotonic() - self._at >= FRESH_S:
-                self._results = await run_in_threadpool(self.run_checks)
+                self._results = await self._run_checks()
                 self._at = time.monotonic()
         return self._results
 
@@ -42,9 +45,23 @@ class Readiness:
         """Makes the next probe run the checks."""
         self._at = -math.inf
 
-    def run_checks(self) -> dict[str, Any]:
+    async def _run_checks(self) -> dict[str, Any]:
         """Runs every check."""
-        return {name: run_check(name, check) for name, check in self.checks.items()}
+        for name in self.checks:
+            self._calls.setdefault(name, SingleCall(partial(self._run_check, name)))
+        calls = {name: asyncio.wrap_future(self._calls[name].begin()) for name in self.checks}
+        await asyncio.wait(calls.values(), timeout=DEADLINE_S)
+        return {name: call.result() if call.done() else tell_hanging(name) for name, call in calls.items()}
+
+    def _run_check(self, name: str) -> dict[str, Any]:
+        return run_check(name, self.checks[name])
+
+
+def tell_hanging(name: str) -> dict[str, Any]:
+    """The result of a check that has not come back."""
+    why = f"There is no answer after {DEADLINE_S:g} s."
+    log.warning("not ready", check=name, why=why)
+    return {"ok": False, "why": why}
 
 
 def run_check(name: str, check: Check) -> dict[str, Any]:
