@@ -17,7 +17,7 @@ from typer.models import TyperInfo
 
 from grader.commands import author, bench, check, demo, grade, new, operate, platforms, serve, teach, tokens
 from grader.commands.options import FAULT, USAGE, complain
-from grader.errors import CallerError, ContentError, InvalidAnswer, JailFault, PluginError
+from grader.errors import CallerError, ContentError, InvalidAnswer, JailFault, NotReady, PluginError
 
 STDERR = 2
 
@@ -47,7 +47,7 @@ def main(run: Callable[[], object] | None = None) -> None:
     except ContentError as error:
         complain(*map(str, error.faults))
         sys.exit(USAGE)
-    except (CallerError, InvalidAnswer, OSError, UnicodeDecodeError) as error:
+    except (CallerError, InvalidAnswer, NotReady, OSError, UnicodeDecodeError) as error:
         complain(str(error))
         sys.exit(USAGE)
     except (JailFault, PluginError) as error:

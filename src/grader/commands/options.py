@@ -46,19 +46,21 @@ def read_settings(**overrides: Any) -> "Settings":
 
 @contextmanager
 def open_database(data: Path | None, revision: str | None = None) -> Iterator["Database"]:
-    """Opens the database of the settings, at the newest revision or another. Says on stderr if it makes a new one."""
-    from grader.store.engine.database import Database
+    """Opens the database of the settings, at the newest revision or another. Says on stderr if it makes a new one.
+    Raises NotReady where the database is away or full."""
+    from grader.store.engine.database import Database, naming
 
     settings = read_settings(data=data)
     file = settings.data.absolute() / "grader.db"
     if settings.database_url is None and not file.exists():
         say(f"{file} is a new database: a server with another folder does not see it. Name its folder with --data.")
-    database = Database(settings.database)
-    try:
-        database.migrate(revision)
-        yield database
-    finally:
-        database.close()
+    with naming(settings.database):
+        database = Database(settings.database)
+        try:
+            database.migrate(revision)
+            yield database
+        finally:
+            database.close()
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from grader.courses.people.sign_in import create_sign_in_code
 from grader.courses.people.tokens import revoke_all
 from grader.domain.policy import Extension
 from grader.settings import Settings
-from grader.store.engine.database import Database
+from grader.store.engine.database import Database, naming
 from grader.store.upkeep.installation import note_origin
 
 Result = TypeVar("Result")
@@ -23,14 +23,15 @@ def in_database(settings: Settings, change: Callable[[Session], Result]) -> Resu
 
 
 def in_opened(settings: Settings, change: Callable[[Database, Session], Result]) -> Result:
-    """As `in_database`, for what also needs the database's locks."""
-    database = Database(settings.database)
-    try:
-        database.migrate()
-        with database.write() as session:
-            return change(database, session)
-    finally:
-        database.close()
+    """As `in_database`, for what also needs the database's locks. Raises NotReady where it is away or full."""
+    with naming(settings.database):
+        database = Database(settings.database)
+        try:
+            database.migrate()
+            with database.write() as session:
+                return change(database, session)
+        finally:
+            database.close()
 
 
 def revoke_tokens(settings: Settings, user: str, course: str | None) -> int:

@@ -18,6 +18,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import QueuePool
 
+from grader.errors import NotReady
 from grader.store.engine import revisions
 from grader.store.engine.names import fold_name
 from grader.store.engine.signals import PENDING, Signals
@@ -206,16 +207,44 @@ def patience_with(url: URL) -> dict[str, Any]:
 
 def is_away(error: BaseException) -> bool:
     """Whether an error means that the database cannot serve now, and no fault of a statement: 503, not 500."""
+    return find_away(error) is not None
+
+
+def find_away(error: BaseException) -> BaseException | None:
+    """Returns the error that says so: this one, or the one behind it."""
     cause = error.orig if isinstance(error, DBAPIError) else None
     if isinstance(cause, sqlite3.OperationalError) and cause.sqlite_errorcode == sqlite3.SQLITE_ERROR:
-        return False
-    return isinstance(error, AWAY) or getattr(cause, "sqlstate", None) == READ_ONLY
+        # On a full disk SQLite ends the whole transaction, and the way back to a savepoint then fails.
+        return None if cause.__context__ is None else find_away(cause.__context__)
+    return error if isinstance(error, AWAY) or getattr(cause, "sqlstate", None) == READ_ONLY else None
 
 
 def driver_error(error: Exception) -> str:
     """The name of the driver's error, such as SQLITE_FULL or DiskFull: its text may hold names of hosts."""
     cause = getattr(error, "orig", None) or error
     return str(getattr(cause, "sqlite_errorname", type(cause).__name__))
+
+
+@contextmanager
+def naming(url: str) -> Iterator[None]:
+    """Makes what is raised within while the database at `url` is away, locked, full or read-only a NotReady that names
+    it, without a password. For commands, whose users may know what the driver says."""
+    try:
+        yield
+    except (DBAPIError, PoolTimeoutError) as error:
+        away = find_away(error)
+        if away is None:
+            raise
+        why = " ".join(str(getattr(away, "orig", None) or away).split())
+        raise NotReady(f"The database {describe_place(make_url(url))} cannot be used: {why}") from error
+
+
+def describe_place(url: URL) -> str:
+    """Says where a database is: its file, or its host, port and name."""
+    if url.get_backend_name() == "sqlite":
+        return str(url.database)
+    host = url.query.get("host") or f"{url.host or 'localhost'}:{url.port or 5432}"
+    return f"{host}/{url.database}"
 
 
 @contextmanager

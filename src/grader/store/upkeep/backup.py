@@ -7,13 +7,14 @@ from pathlib import Path
 
 from sqlalchemy import make_url
 
-from grader.errors import Conflict, NotFound, Unprocessable
+from grader.errors import Conflict, NotFound, NotReady, Unprocessable
 
 
 def back_up(url: str, target: Path) -> None:
     """Writes the database at `url`, as it is at one moment, to the new file `target`. Servers go on reading and
     writing. The file appears whole or not at all, for its owner alone: the key of the hidden cases is in it. Raises
-    Unprocessable on PostgreSQL, NotFound where there is no database, Conflict if the file exists."""
+    Unprocessable on PostgreSQL, NotFound where there is no database, Conflict if the file exists, and NotReady where
+    the database cannot be read or the disk of the copy is full, of which no part is left."""
     parsed = make_url(url)
     if parsed.get_backend_name() != "sqlite":
         raise Unprocessable("PostgreSQL makes its own backups: pg_dump --format=custom --file=FILE NAME")
@@ -24,10 +25,14 @@ def back_up(url: str, target: Path) -> None:
         raise Conflict(f"{target} exists: name a new file.")
     part = target.with_name(f"{target.name}.part")
     os.close(os.open(part, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, 0o600))
-    # VACUUM INTO reads in one transaction, and leaves out what was deleted; it does not sync what it wrote.
-    with closing(sqlite3.connect(source)) as connection:
-        connection.execute("VACUUM INTO ?", (str(part),))
-    _sync(part)
+    try:
+        # VACUUM INTO reads in one transaction, and leaves out what was deleted; it does not sync what it wrote.
+        with closing(sqlite3.connect(source)) as connection:
+            connection.execute("VACUUM INTO ?", (str(part),))
+        _sync(part)
+    except (sqlite3.OperationalError, OSError) as error:
+        part.unlink()
+        raise NotReady(f"The database {source} cannot be copied to {target}: {error}") from error
     part.rename(target)
     _sync(target.parent)
 
