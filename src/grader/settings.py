@@ -42,6 +42,11 @@ def find_content() -> Path:
     return here if (here / "quizzes").is_dir() else default_content()
 
 
+def count_processors() -> int:
+    """The processors that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
 def default_cache(fields: dict[str, Any]) -> Path:
     """The user's folder for what can be computed again; below the data folder where the user has no home."""
     homes = os.environ.get("XDG_CACHE_HOME"), os.environ.get("HOME")
@@ -104,8 +109,9 @@ class Settings(BaseSettings):
         description="Server processes that share the port; above 1 on PostgreSQL only, with one more for the worker.",
     )  # fmt: skip
     workers: int = Field(
-        default_factory=lambda: len(os.sched_getaffinity(0)), ge=0, le=256,
-        description="Grading processes beside this one, one script each; 0 leaves scripts to `grader worker`.",
+        default_factory=count_processors, ge=0, le=256,
+        description="Grading processes beside this one, one script each; 0: none in `grader serve`, and the default in "
+        "`grader worker`.",
     )  # fmt: skip
     allow_t2: bool = Field(
         default=False, description="Accept a jail without user namespaces, on machines that allow none."

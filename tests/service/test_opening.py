@@ -19,6 +19,7 @@ from grader.store.engine.signals import announce
 from support.clusters import pgbouncer
 from support.databases import database_url, need_postgresql, own_database
 from support.outages import cable_to
+from support.processes import descendants_running
 from support.queue_kills import START_S, process_of, settings_on, wait_for
 
 pytestmark = [pytest.mark.postgres, pytest.mark.slow]
@@ -60,6 +61,28 @@ def test_a_process_that_waits_for_its_database_ends_on_sigterm(command: str, tmp
             waiting.terminate()
             waiting.wait(START_S)
     assert "Traceback" not in log.read_text()
+
+
+@pytest.mark.process
+@pytest.mark.jail
+def test_a_worker_takes_zero_as_the_default(tmp_path: Path) -> None:
+    """A server that grades nothing has it in the file that the unit of its workers reads too."""
+    log = tmp_path / "log"
+    log.touch()
+    with (
+        database_url("postgresql", tmp_path) as url,
+        process_of("worker", settings_on(url, tmp_path, workers=0), log=log) as worker,
+        closing(Database(url)) as database,
+    ):
+        database.migrate()
+
+        def has_started() -> bool:
+            with database.read() as session:
+                return count_workers(session) == 1 or worker.poll() is not None
+
+        wait_for(has_started)
+        assert worker.poll() is None, log.read_text()
+        assert len(set(descendants_running(worker.pid, "grader.grading.process_main"))) >= 1
 
 
 @pytest.fixture

@@ -31,7 +31,7 @@ from grader.logs import is_json, log_to_stderr
 from grader.queue import jobs
 from grader.queue.worker import JobOutcome, Task, Worker
 from grader.service.opening import end_start, open_database
-from grader.settings import Settings
+from grader.settings import Settings, count_processors
 from grader.store import intake, submissions
 from grader.store.engine.database import AWAY, Database
 from grader.store.tables import Submission
@@ -212,8 +212,9 @@ def run_worker(
     more: Callable[[Settings, Database, Archive], Mapping[str, Task]],
     ready: Callable[[Mapping[str, Any]], object] = dict,
 ) -> None:
-    """Grades until SIGTERM or SIGINT, with the content that servers keep in the database. `more` makes the tasks of
-    further topics; `ready` is called with what the jail told at its start. Raises Unprocessable on SQLite."""
+    """Grades until SIGTERM or SIGINT, with the content that servers keep in the database, and with one process for each
+    processor where the settings say 0. `more` makes the tasks of further topics; `ready` is called with what the jail
+    told at its start. Raises Unprocessable on SQLite."""
     log_to_stderr(as_json=is_json(settings.log_format))
     ended = threading.Event()
     if settings.database_url is None or settings.database_url.startswith("sqlite"):
@@ -221,6 +222,8 @@ def run_worker(
             "A SQLite database is worked on by `grader serve` alone. Set GRADER_WORKERS for more grading processes, "
             "or GRADER_DATABASE_URL to a PostgreSQL database for workers beside the server."
         )
+    if not settings.workers:  # of a file that a server reads as well, which grades nothing
+        settings = settings.model_copy(update={"workers": count_processors()})
     database = open_database(settings)
     archive = Archive(database, PassedChecks(settings.cache))
     with build_graders(settings) as graders:
