@@ -1,6 +1,7 @@
 """How a service begins: it waits for a database that is not there yet, and refuses one without sessions."""
 
 import secrets
+import socket
 import threading
 from collections.abc import Iterator
 from contextlib import closing
@@ -17,6 +18,7 @@ from grader.settings import Settings
 from grader.store.engine.database import Database
 from grader.store.engine.signals import announce
 from support.clusters import pgbouncer
+from support.command_line import grader
 from support.databases import database_url, need_postgresql, own_database
 from support.outages import cable_to
 from support.processes import descendants_running
@@ -83,6 +85,19 @@ def test_a_worker_takes_zero_as_the_default(tmp_path: Path) -> None:
         wait_for(has_started)
         assert worker.poll() is None, log.read_text()
         assert len(set(descendants_running(worker.pid, "grader.grading.process_main"))) >= 1
+
+
+def test_a_worker_without_a_port_for_its_metrics_names_the_setting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with database_url("postgresql", tmp_path) as url, socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        monkeypatch.setenv("GRADER_DATABASE_URL", url)
+        monkeypatch.setenv("GRADER_METRICS_PORT", str(port))
+        done = grader("worker")
+    assert done.returncode == 2
+    [line] = done.stderr.splitlines()
+    assert line.startswith(f"GRADER_METRICS_PORT: port {port} of 127.0.0.1 cannot be opened (Address already in use)")
 
 
 @pytest.fixture

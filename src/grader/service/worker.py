@@ -207,6 +207,15 @@ def build_worker(
     return Worker(database, topics, settings.workers, retries, OTHERS, graders.stop)
 
 
+def open_metrics(port: int) -> None:
+    """Shows the metrics of this process on 127.0.0.1. Raises Unprocessable where the port cannot be opened."""
+    try:
+        start_http_server(port, "127.0.0.1")
+    except OSError as error:
+        why = f"port {port} of 127.0.0.1 cannot be opened ({error.strerror or error})"
+        raise Unprocessable(f"GRADER_METRICS_PORT: {why}: choose another, one for each worker.") from error
+
+
 def run_worker(
     settings: Settings,
     more: Callable[[Settings, Database, Archive], Mapping[str, Task]],
@@ -214,7 +223,7 @@ def run_worker(
 ) -> None:
     """Grades until SIGTERM or SIGINT, with the content that servers keep in the database, and with one process for each
     processor where the settings say 0. `more` makes the tasks of further topics; `ready` is called with what the jail
-    told at its start. Raises Unprocessable on SQLite."""
+    told at its start. Raises Unprocessable on SQLite, and where its metrics have no port."""
     log_to_stderr(as_json=is_json(settings.log_format))
     ended = threading.Event()
     if settings.database_url is None or settings.database_url.startswith("sqlite"):
@@ -225,6 +234,8 @@ def run_worker(
     if not settings.workers:  # of a file that a server reads as well, which grades nothing
         settings = settings.model_copy(update={"workers": count_processors()})
     database = open_database(settings)
+    if settings.metrics_port:
+        open_metrics(settings.metrics_port)
     archive = Archive(database, PassedChecks(settings.cache))
     with build_graders(settings) as graders:
         worker = build_worker(settings, database, archive, graders, more(settings, database, archive))
@@ -235,7 +246,6 @@ def run_worker(
         worker.start()
         if settings.metrics_port:
             REGISTRY.register(Monitor(database, graders, worker))
-            start_http_server(settings.metrics_port, "127.0.0.1")
         ready(graders.jail)
         ended.wait()
         worker.stop()
