@@ -6,7 +6,7 @@ from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 from pydantic import Field, IPvAnyNetwork, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SecretsSettingsSource, SettingsConfigDict
@@ -203,6 +203,8 @@ class Settings(BaseSettings):
     def _address_of_a_database(cls, url: str | None) -> str | None:
         """Refuses what is no address. With an unescaped @, half of the password would be logged as the host."""
         if url is None or url.startswith("sqlite:///"):
+            if url == "sqlite:///":
+                raise ValueError("it names no file: it is sqlite:///PATH, or left out for one in the data folder")
             return url
         try:
             parts = urlsplit(url)
@@ -211,6 +213,9 @@ class Settings(BaseSettings):
             parts.port  # noqa: B018  # raises
         except ValueError:
             raise ValueError(NO_ADDRESS) from None
+        if not parts.path.strip("/") and "dbname" not in parse_qs(parts.query):
+            # PostgreSQL would take the database with the user's name, which is another service's or everybody's.
+            raise ValueError(f"it names no database: {NO_ADDRESS}")
         return url
 
     @field_validator("allowed_hosts")

@@ -95,6 +95,9 @@ def test_the_names_that_tests_use_are_allowed(monkeypatch: pytest.MonkeyPatch) -
         ("GRADER_DATABASE_URL", "mysql://user@host/name", "GRADER_DATABASE_URL: it is postgresql://"),
         ("GRADER_DATABASE_URL", "postgresql://ann:se@cret@host/name", "in the password write %40 for @"),
         ("GRADER_DATABASE_URL", "postgresql://ann:se/cret@host/name", "%2F for /"),
+        ("GRADER_DATABASE_URL", "postgresql://ann:secret@host:5432", "it names no database: it is postgresql://user"),
+        ("GRADER_DATABASE_URL", "postgresql://ann:secret@host/?sslmode=require", "it names no database"),
+        ("GRADER_DATABASE_URL", "sqlite:///", "GRADER_DATABASE_URL: it names no file"),
         ("GRADER_HOST", "0.0.0.0", "set GRADER_PUBLIC_ORIGIN=https://... first"),
     ],
 )
@@ -107,3 +110,12 @@ def test_the_command_line_names_the_setting_that_cures_it(
     assert told in done.stderr
     assert "cret" not in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_database_may_be_named_behind_several_hosts() -> None:
+    for url in (
+        "postgresql://ann@/grader?host=a,b&port=1,2",
+        "postgresql:///grader",
+        "postgresql://ann@h?dbname=grader",
+    ):
+        assert Settings(database_url=url).database == url
