@@ -14,6 +14,9 @@ from grader.errors import Unprocessable
 
 cli = typer.Typer()
 
+WHY_MAX = 200
+"""Characters of the reason in a list of deliveries."""
+
 
 @cli.command()
 def backup(file: Path, data: Data = None) -> None:
@@ -116,7 +119,14 @@ def deliveries(
     with open_database(data) as database, database.read() as session:
         for row, kind in outbox.list_all(session, state, course):
             place = "/".join(filter(None, (row.quiz, row.question)))
-            print("\t".join((str(row.id), kind, row.course, row.learner, place, str(row.attempts), row.error or "")))
+            why = put_on_a_line(row.error or "")
+            print("\t".join((str(row.id), kind, row.course, row.learner, place, str(row.attempts), why)))
+
+
+def put_on_a_line(text: str) -> str:
+    """Returns a text without line ends, cut to `WHY_MAX`: another server's answer may be a page of HTML."""
+    line = " ".join("".join(char if char.isprintable() else " " for char in text).split())
+    return line if len(line) <= WHY_MAX else f"{line[: WHY_MAX - 1]}…"
 
 
 @cli.command()
