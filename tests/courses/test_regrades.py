@@ -337,6 +337,26 @@ def test_a_scope_chooses(course: Course, scope: Scope, chosen: list[int]) -> Non
     assert [submission["submission_id"] for submission in item["submissions"]] == [made[index] for index in chosen]
 
 
+@pytest.mark.parametrize("scope", ["latest", "best", "all"])
+def test_what_we_failed_to_grade_is_in_every_scope_where_it_is_the_newest(course: Course, scope: Scope) -> None:
+    def fail(learner: str) -> str:
+        failed = course.queue(learner, 5)
+        course.append(failed, Verdict(status=Status.GRADER_FAULT, points=0.0, max_points=2.0), "grading")
+        return failed
+
+    course.hand_in("ann", 6)
+    failed = [fail("ann"), fail("bob")]  # bob has no other
+    course.hand_in("ann", "gibberish")  # uses no attempt
+    passed = fail("cem")
+    course.hand_in("cem", 5)
+    shown = course.regrade(scope)
+    chosen = {one["submission_id"] for item in shown["items"] for one in item["submissions"]}
+    assert set(failed) <= chosen
+    assert (passed in chosen) == (scope == "all")
+    assert [course.verdicts(one)[-1] for one in failed] == [("regrade", "correct", 2.0)] * 2
+    assert [course.points(learner) for learner in ("ann", "bob", "cem")] == [2.0] * 3
+
+
 def test_the_best_one_is_the_best_with_its_late_multiplier(course: Course) -> None:
     course.change(policy=LATE_POLICY)
     course.hand_in("ann", 6, DUE - timedelta(hours=1))

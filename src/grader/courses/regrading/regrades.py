@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, takewhile
 from typing import Any, Literal
 
 from sqlalchemy.orm import Session
@@ -13,6 +13,7 @@ from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity
 from grader.courses.rules.policy import NO_EXTENSION, count_points, policy_in_force
 from grader.domain.policy import Extension, Policy
+from grader.domain.verdict import Status
 from grader.errors import Conflict, NotFound
 from grader.library import Library
 from grader.questions import Quiz
@@ -36,7 +37,8 @@ SCOPES: tuple[Scope, ...] = ("latest", "best", "all")
 @dataclass(frozen=True)
 class RegradeRequest:
     """Which submissions to regrade: of a question or of all questions of a quiz. `scope` takes each learner's latest
-    attempt at a question, the best one, or everything that was handed in; or else these submissions."""
+    attempt at a question, the best one, or everything that was handed in; or else these submissions. What ended as a
+    fault of ours uses no attempt: the first two take the newest of these that no attempt has followed."""
 
     quiz: str
     question: str | None
@@ -129,15 +131,18 @@ def choose(
 def select_rows(
     rows: list[Any], scope: Scope | tuple[str, ...], policy: Policy, extension: Extension | None
 ) -> list[Any]:
-    """Says which of a learner's submissions at a question are in the scope; the best one with late multipliers."""
+    """Says which of a learner's submissions at a question are in the scope; the best one with late multipliers. What we
+    failed to grade is in every scope where no attempt has followed: it may become the latest one, or the best."""
     if scope not in ("latest", "best"):
         return rows
     used = [row for row in rows if row.uses_attempt]
+    newer = takewhile(lambda row: not row.uses_attempt, reversed(rows))
+    failed = [row for row in newer if row.outcome == Status.GRADER_FAULT][:1]
     if scope == "latest":
-        return used[-1:]
+        return used[-1:] + failed
     best = policy.model_copy(update={"counts": "best"})
     sources = count_points([make_attempt(row) for row in used], best, extension or NO_EXTENSION).sources
-    return [row for row in used if row.id in {source.id for source in sources}]
+    return [row for row in used if row.id in {source.id for source in sources}] + failed
 
 
 def describe_regrade(regrade: Regrade, counts: Mapping[str, int]) -> dict[str, Any]:
