@@ -547,12 +547,12 @@ def test_a_fault_of_ours_costs_the_sentence_and_not_the_verdict(
 ) -> None:
     faults: list[str] = []
     monkeypatch.setattr(runner, "note_fault", lambda error, kind: faults.append(f"{kind}: {type(error).__name__}"))
-    monkeypatch.setattr(Threshold, "name_mistake", lambda *_: {}["a mistake"])
+    monkeypatch.setattr(Threshold, "name_mistake", lambda *_: "".index("a mistake"))
     plan, report = plan_exercise(SERVO, model_xml, SEED), run(SERVO, RIGHT, SEED)
     verdict = judge_exercise(SERVO, plan, replace(report, hidden_results={}))
     assert verdict.status is Status.PARTIAL
     assert verdict.diagnosis
-    assert faults == ["threshold: KeyError"]
+    assert faults == ["threshold: ValueError"]
 
 
 def test_a_condition_of_any_length_is_read(grade: Grade) -> None:
