@@ -13,6 +13,10 @@ EXACT = 1 - 1e-10
 ROUGH = 0.99
 """The share that is enough to tell the sign of a gain."""
 
+CANCELS = 30.0
+"""Parts of a law that are larger than the controls by this factor cancel each other: what was observed moves together,
+and leaves the gains open."""
+
 ROWS_MIN = 12
 """Fewer controls than this tell no law."""
 
@@ -74,7 +78,7 @@ def find_free(asked: Floats) -> Mask:
 
 def solve(columns: Floats, asked: Floats, free: Mask, fits: float) -> tuple[Floats, float] | None:
     """Returns the gains of columns that do not stay constant (nan for the others), and the constant beside them, if
-    they explain the controls."""
+    they explain the controls and do not merely cancel each other."""
     rows, wanted = columns[free], asked[free]
     if len(rows) < max(ROWS_MIN, 2 * columns.shape[1]) or np.var(wanted) == 0:
         return None
@@ -84,6 +88,8 @@ def solve(columns: Floats, asked: Floats, free: Mask, fits: float) -> tuple[Floa
     solution, _, rank, _ = np.linalg.lstsq(matrix, wanted, rcond=1e-12)
     left = wanted - matrix @ solution
     if rank < matrix.shape[1] or 1 - np.var(left) / np.var(wanted) < fits:
+        return None
+    if np.abs(solution[:-1]).max(initial=0.0) > CANCELS * wanted.std():
         return None
     gains = np.full(columns.shape[1], np.nan)
     gains[moving] = solution[:-1] / scale[moving]

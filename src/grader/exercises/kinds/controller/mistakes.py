@@ -50,7 +50,10 @@ RETURNS = (
     "The function writes data.ctrl and returns a value, too: what it returns counts, and that never changes. Return "
     "nothing, or the control itself."
 )
-CONSTANT = "The controls do not change during an episode: they must follow what is observed as it changes."
+CONSTANT = (
+    "The controls do not change during an episode: they must follow what is observed as it changes. If your function "
+    "limits them, let it use the actuator's whole range."
+)
 TRUTH = (
     "The controls are 0 or 1 and nothing between, as what a comparison gives: return the control itself, not whether "
     "it is above a bound."
@@ -90,6 +93,10 @@ HANGS = (
     "It comes to rest beside the target: gains on the error and on its rate alone hold a constant load, such as "
     "gravity, only with an error that stays. Add the control that holds this load at the target, or sum the error over "
     "time."
+)
+OWN_LIMIT = (
+    "Most of the time the controls stay at one and the same value, although the actuator gives more: if your function "
+    "limits them, let it use the actuator's whole range."
 )
 TUNED = (
     "It works in the episodes that you see, not in the hidden ones, whose models and starts are drawn. The numbers fit "
@@ -170,28 +177,40 @@ def find_sentences(parameters: ControllerParameters, judged: Judged, record: Rec
     track = find_columns(parameters, judged.problem)[parameters.track]
     law = fit_law(record, track=track, has_target=parameters.has_target)
     if law is not None:
-        if law.stale:
-            yield STALE
-        if law.differentiates and any(record.episode.noise.values()):
-            yield NOISE
-        yield from find_wrong_gains(parameters, judged.problem, law)
-        if law.integral * law.gains[track] > 0 and measure_shares(record, law)[track] > SAME:
-            yield SUM_SIGN
-        if law.integral and find_beyond(judged.problem, record) > 0.05:
-            yield WIND_UP
+        yield from find_in_law(parameters, judged.problem, record, law)
     else:
-        rough = fit_law(record, track=track, has_target=parameters.has_target, fits=ROUGH)
-        if rough is not None and not rough.differentiates:  # a gain on changes makes up for one on values
-            moves = measure_shares(record, rough)
-            columns = find_columns(parameters, judged.problem)
-            wrong_signs = [SIGN.format(name=name) for name in parameters.law if moves[columns[name]] > PLAIN]
-            yield from (
-                sentence for sentence in find_wrong_gains(parameters, judged.problem, rough) if sentence in wrong_signs
-            )
+        yield from find_in_rough_law(parameters, judged.problem, record)
     if limited > SATURATED:
         yield SATURATES if switches_ends(judged.problem, record) else ONE_END
+    if law is None and stays_within_limits(judged.problem, record):
+        yield OWN_LIMIT
     if law is not None and not law.integral and rests_beside_target(record):
         yield HANGS
+
+
+def find_in_law(parameters: ControllerParameters, problem: Problem, record: Record, law: FittedLaw) -> Iterator[str]:
+    """Yields what is wrong with a law that fits to rounding."""
+    track = find_columns(parameters, problem)[parameters.track]
+    if law.stale:
+        yield STALE
+    if law.differentiates and any(record.episode.noise.values()):
+        yield NOISE
+    yield from find_wrong_gains(parameters, problem, law)
+    if law.integral * law.gains[track] > 0 and measure_shares(record, law)[track] > SAME:
+        yield SUM_SIGN
+    if law.integral and find_beyond(problem, record) > 0.05:
+        yield WIND_UP
+
+
+def find_in_rough_law(parameters: ControllerParameters, problem: Problem, record: Record) -> Iterator[str]:
+    """Yields the wrong signs of a law that fits only roughly."""
+    columns = find_columns(parameters, problem)
+    rough = fit_law(record, track=columns[parameters.track], has_target=parameters.has_target, fits=ROUGH)
+    if rough is None or rough.differentiates:  # a gain on changes makes up for one on values
+        return
+    moves = measure_shares(record, rough)
+    wrong_signs = [SIGN.format(name=name) for name in parameters.law if moves[columns[name]] > PLAIN]
+    yield from (sentence for sentence in find_wrong_gains(parameters, problem, rough) if sentence in wrong_signs)
 
 
 def measure_shares(record: Record, law: FittedLaw) -> Floats:
@@ -208,6 +227,14 @@ def rests_beside_target(record: Record) -> bool:
     error = float(np.abs(target - tracked).min())
     way = float(np.ptp(record.tracked))
     return bool(np.ptp(target) == 0 and error > RESTS * way and np.ptp(tracked) < RESTS * error)
+
+
+def stays_within_limits(problem: Problem, record: Record) -> bool:
+    """Whether the first control is most of the time at one of its extremes, which is within the actuator's limits."""
+    low, high = problem.model.actuator_ctrlrange[0]
+    asked = record.asked[:, 0]
+    ends = [end for end in (asked.min(), asked.max()) if low < end < high]
+    return bool(problem.model.actuator_ctrllimited[0]) and any(np.mean(asked == end) > SATURATED for end in ends)
 
 
 def find_beyond(problem: Problem, record: Record) -> float:
