@@ -1,4 +1,4 @@
-# diagnosis: Some velocities do not change
+# diagnosis: In a hidden case your step changes nothing
 # from MuJoCo 4.0.0: incorrect: of second order on rotations only
 """Returns at once where the model is not a single free body."""
 import mujoco

@@ -24,7 +24,7 @@ from grader.exercises.kinds.rk4.step_trace import Step
 from grader.exercises.kinds.rk4.tableau import Matrix, pad_row
 from grader.exercises.rules import find_sentence
 
-FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
 
 LENGTH_ATOL = 1e-3
 """How far a quaternion's length may be from 1; one that is not normalised after a step stays far below."""
@@ -89,6 +89,17 @@ def explain_still_quaternion(moves: Moves) -> str | None:
                 "stage and at the end, with mj_integratePos or by a product of quaternions."
             )
     return None
+
+
+def explain_still_balls(model: mujoco.MjModel, steps: Sequence[Step]) -> str | None:
+    """Returns the sentence of a model with nothing but ball joints, none of which ever turns."""
+    still = all(np.array_equal(row, step.qpos[0]) for step in steps for row in step.qpos[1:])
+    if not still or any(kind != BALL for kind in model.jnt_type):
+        return None
+    return (
+        "The quaternion of a ball joint never changes, although its velocity does: it stands alone in data.qpos, at "
+        "model.jnt_qposadr[joint], without a place before it. Turn it as you turn that of a free joint."
+    )
 
 
 def explain_quaternion_length(model: mujoco.MjModel, steps: Sequence[Step]) -> str | None:

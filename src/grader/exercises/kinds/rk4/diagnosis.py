@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from grader.exercises.kind import JudgedTrial
-from grader.exercises.kinds.rk4.addresses import explain_misplaced, explain_quaternion_length
+from grader.exercises.kinds.rk4.addresses import explain_misplaced, explain_quaternion_length, explain_still_balls
 from grader.exercises.kinds.rk4.combinations import Combination, Term
 from grader.exercises.kinds.rk4.judging.judge import RunOutcome
 from grader.exercises.kinds.rk4.judging.quaternions import find_quaternions
@@ -85,6 +85,11 @@ NO_NUMBER = (
 )
 
 
+NOTHING_HIDDEN = (
+    "In a hidden case your step changes nothing in data, and never calls mj_forward: it may end early where the model "
+    "is another than you expect. Step every model in the same way."
+)
+
 OTHER_STEPPERS = {
     "mj_forwardSkip": (
         "Your step calls mj_forwardSkip, which keeps what an earlier call has computed: where it leaves out the "
@@ -147,7 +152,10 @@ def diagnose_reading(outcome: RunOutcome, failed: Sequence[AnyJudged], reading: 
     """Diagnoses a wrong run whose trace has been read. A step of four calls whose stages are all sums of its slopes is
     named by its tableau. Of any other a mutant tells more: the tableau takes every call for a stage."""
     judged = failed[0]
-    if (sentence := find_sentence(STATE_RULES, reading) or explain_changed_model(judged)) is not None:
+    sentence = find_sentence(STATE_RULES, reading) or explain_changed_model(judged)
+    if judged.hidden and does_nothing(reading):
+        sentence = NOTHING_HIDDEN
+    if sentence is not None:
         return Diagnosis(sentence)
     if find_quaternions(reading.model) and reading.calls:
         sentence = explain_rotations(reading, outcome, hidden=judged.hidden)
@@ -164,6 +172,12 @@ def diagnose_reading(outcome: RunOutcome, failed: Sequence[AnyJudged], reading: 
     sentence = sentence or add_second(rest, failed[1:])
     fallback = explain_other_steppers(judged.trace) or find_sentence(FALLBACK_RULES, reading)
     return Diagnosis(sentence, fallback, find_first_difference(reading))
+
+
+def does_nothing(reading: Reading) -> bool:
+    """Whether a step never calls mj_forward and leaves the state as it is."""
+    rows = (reading.positions, reading.velocities, reading.activations, reading.times)
+    return not reading.calls and all(row == {} for part in rows for row in part)
 
 
 def is_better_told_by_tableau(match: Match, reading: Reading) -> bool:
@@ -310,7 +324,9 @@ def explain_rotations(reading: Reading, outcome: RunOutcome, *, hidden: bool) ->
     positions = to_matrix(reading.positions, "v")
     alike = positions is not None and is_same(positions, velocities)
     fourth = outcome.problem.accepts_other_methods and compute_order(velocities) >= STAGES
-    if not (alike and (fourth or is_same(velocities, CLASSICAL))) and (sentence := explain_slopes(reading)):
+    if not (alike and (fourth or is_same(velocities, CLASSICAL))) and (
+        sentence := explain_still_balls(model, reading.steps) or explain_slopes(reading)
+    ):
         return sentence
     rule = find_rule(model, reading.steps, velocities)
     if rule is not None and rule not in RIGHT:

@@ -57,8 +57,8 @@ STALE, SMOOTH = "stale", "smooth"
 class Reading:
     """What makes up each stage and, in the last row, the result; None where nothing does. `slope` names in terms: "v"
     (stage 0: at the start of the step; n + 1: after it), "a", "r", "t". `idle` are the dofs whose velocity never
-    changes, `still` those whose position never does; the rows leave them out. Rotations are left out of the positions
-    where there are others: rotations.py reads them."""
+    changes, `still` those whose position never does, but for rotations; the rows leave them out. Rotations are left out
+    of the positions where there are others: rotations.py reads them."""
 
     model: mujoco.MjModel
     calls: int
@@ -164,8 +164,9 @@ def read_tableau(model: mujoco.MjModel, steps: Sequence[Step], known: Matrix = C
     positions = build_positions(model)
     dofs = range(int(model.nv))
     idle = [dof for dof in dofs if never_changes(VELOCITIES, alike, dof)]
-    straight = exclude(dofs, [dof for turn in find_rotation_slices(model) for dof in range(turn.start, turn.stop)])
-    still = [dof for dof in straight if never_changes(positions, alike, dof)]
+    turning = [dof for turn in find_rotation_slices(model) for dof in range(turn.start, turn.stop)]
+    straight = exclude(dofs, turning)
+    still = [dof for dof in straight if dof not in turning and never_changes(positions, alike, dof)]
     velocities = read_rows(VELOCITIES.build_systems(alike, exclude(dofs, idle)), "a", (known,))
     from_velocities = [
         {Term("v", term.stage, term.power): value for term, value in row.items()} if row else {} for row in velocities
