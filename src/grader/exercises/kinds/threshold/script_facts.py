@@ -139,9 +139,21 @@ def find_own_test(script: ParsedScript, _: object) -> int | None:
     return lines.pop() if len(lines) == 1 else None
 
 
+def find_none_return(script: ParsedScript, _: object) -> int | None:
+    """Returns the line of the one condition on which a function returns None; None where there is none, or several."""
+    lines = {
+        node.test.lineno
+        for node in script.nodes
+        if isinstance(node, ast.If)
+        and any(isinstance(each, ast.Return) and getattr(each.value, "value", each.value) is None for each in node.body)
+    }
+    return lines.pop() if len(lines) == 1 else None
+
+
 LANDMARKS: tuple[Landmark, ...] = build_landmarks([
     (r"moves its (?:lower|upper) end to the middle after", find_free_update),
     (r"goes on upwards|Your test is the wrong way round", find_test),
+    (r"on which it returns None", find_none_return),
     (r"never moves its (?:lower|upper) end|Your search tries the same timestep again", find_test),
     (r"^Your middle is", find_middle),
     (r"(?:only run|Every run) used a timestep|use timesteps far beyond", write_of("timestep")),

@@ -142,10 +142,20 @@ def explain_inverted_test(observed: Sequence[Observation]) -> str | None:
         claimed.unstable_runs for claimed in numbers
     ):
         return None
+    if all(len(observation.search.runs) == 1 for observation in nothing) and not any(map(calls_calm_middle, numbers)):
+        return (
+            "Where the first run is unstable your function returns None, and where it is stable it searches on: turn "
+            "the condition round on which it returns None."
+        )
     return (
         "Your test is the wrong way round: a run in which MuJoCo raised a warning counts as stable, and one without a "
         "warning as unstable. Turn the condition round that your function returns."
     )
+
+
+def calls_calm_middle(observed: Observation) -> bool:
+    """Whether a timestep below the longest one is called unstable, as by a bisection that takes calm runs for such."""
+    return any(run.timestep_s < observed.parameters.search_s[1] * (1 - CLOSE) for run in observed.unstable_runs)
 
 
 CERTAIN_RULES: tuple[Rule, ...] = (
