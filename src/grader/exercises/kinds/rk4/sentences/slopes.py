@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from grader.exercises.kinds.rk4.combinations import Combination, Term
+from grader.exercises.kinds.rk4.combinations import Combination, Term, format_coefficient
 from grader.exercises.kinds.rk4.methods import chain_stages, chain_stages_and_result
 from grader.exercises.kinds.rk4.sentences.changed_numbers import explain_own_drag, explain_powers_of_h
 from grader.exercises.kinds.rk4.sentences.tableaus import STAGES, describe_method, explain_view, spell_number
@@ -137,7 +137,22 @@ def explain_early_calls(reading: Reading) -> str | None:
             "mj_forward runs before the stage's state is written: its second call finds the start of the step again, "
             "and each later one the stage before. Write data.qpos[:] and data.qvel[:] first, then call it."
         )
-    return None
+    return explain_late_velocities(reading)
+
+
+def explain_late_velocities(reading: Reading) -> str | None:
+    """Returns the sentence of calls of mj_forward that find positions of their stage, velocities of the one before."""
+    velocities = to_matrix(reading.velocities, "a")
+    if velocities is None or not reading.positions[1] or not is_same([*velocities[:-1], ()], LATE_STAGES):
+        return None
+    return (
+        "In your stages 2, 3 and 4 mj_forward finds the position of the stage, and the velocity of the stage before: "
+        "write data.qvel[:] too before you call it."
+    )
+
+
+LATE_STAGES: Matrix = ((), (), (1 / 2,), (0, 1 / 2), ())
+"""The stages of velocities that are written after the call."""
 
 
 def explain_whole_method(reading: Reading) -> str | None:
@@ -201,7 +216,20 @@ def explain_position_tableau(positions: Matrix) -> str | None:
         return sentence
     if not is_same(stages, [*CLASSICAL[:-1], ()]):
         return None
-    return look_up_row(positions[-1], POSITION_WEIGHTS)
+    return look_up_row(positions[-1], POSITION_WEIGHTS) or explain_added_acceleration(positions[-1])
+
+
+def explain_added_acceleration(weights: Sequence[float]) -> str | None:
+    """Returns the sentence of a term h h a that is added to the weighted mean: a difference of two stage velocities."""
+    first, *more = np.array(weights) - CLASSICAL[-1]
+    added = [stage for stage, share in enumerate(more, 1) if abs(share) > COEFFICIENT_ATOL]
+    if len(added) != 1 or abs(first + sum(more)) > COEFFICIENT_ATOL or weights[0] > -COEFFICIENT_ATOL:
+        return None
+    size = format_coefficient(more[added[0] - 1] * CLASSICAL[added[0]][added[0] - 1])
+    return (
+        f"At the end of your step the position moves by {size} h h a{added[0]} beside the weighted mean of the four "
+        "stage velocities: leave that out, for these have moved by the accelerations already."
+    )
 
 
 POSITION_TABLEAUS: Mapping[str, Matrix] = {
