@@ -1,9 +1,11 @@
 """What sentences on a step claim of the script and its trace, and when it is true; where in the script they point."""
 
+import ast
 import re
 
 from grader.exercises.explaining.claims import Evidence, SentenceClaim, build_claims, of_script
 from grader.exercises.explaining.places import Landmark, build_landmarks, call_of, find_named_field, write_of
+from grader.exercises.explaining.script import ParsedScript, is_field, writes_field
 
 SPELLED = {"once": 1, "one": 1, "both": 2, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "seven": 7, "eight": 8}
 """Numbers of calls as sentences spell them."""
@@ -20,6 +22,17 @@ def count_calls(evidence: Evidence, match: "re.Match[str]") -> bool:
 
 VIEWS = of_script(lambda script: script.has_view("qpos", "qvel", "qacc", "act_dot"))
 
+
+def adds_to_time(script: ParsedScript) -> bool:
+    """Whether a script gives data.time a value that it computes from data.time, as `data.time += h` does."""
+    return any(
+        (isinstance(node, ast.AugAssign) and is_field(node.target, "time"))
+        or (isinstance(node, ast.Assign) and writes_field(node, "time")
+        and any(isinstance(part, ast.Attribute) and part.attr == "time" for part in ast.walk(node.value)))
+        for node in script.nodes
+    )  # fmt: skip
+
+
 CLAIMS: tuple[SentenceClaim, ...] = build_claims([
     (rf"(?:mj_forward is called|[Yy]ou call mj_forward) {COUNT}\b", count_calls),
     (rf"(?:All )?\b(?i:{COUNT}) calls of mj_forward find", count_calls),
@@ -32,6 +45,7 @@ CLAIMS: tuple[SentenceClaim, ...] = build_claims([
      "keep the four, each as it was at its stage, and use their weighted mean"),
     (r"(All slopes equal the last one): data\.qvel and data\.qacc are views .*?, so copy them", VIEWS,
      r"\1: keep the four, each as it was at its stage, and use their weighted mean"),
+    (r": it adds up over the stages\. Keep t, and ", of_script(adds_to_time), ": "),
     (r"their two sums are one array, as after .*? Make an array for each",
      of_script(lambda script: script.has_shared_name),
      "positions change by the weighted mean of the velocities, velocities by that of the accelerations"),
