@@ -290,6 +290,7 @@ def note_changes(model: mujoco.MjModel, xml: str, timestep_s: float) -> None:
         for mine, theirs, where in pairs
         for name in dir(theirs)
         if isinstance(value := getattr(theirs, name), np.ndarray | float | int) and not name.startswith("_")
+        if name != "signature"  # a sum over other fields
         if not np.array_equal(value, getattr(mine, name), equal_nan=False)
     ]
     note("changed", {"fields": names[:CHANGES_MAX]}, [model.opt.timestep / timestep_s])
