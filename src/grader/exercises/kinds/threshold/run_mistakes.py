@@ -98,8 +98,12 @@ def explain_single_timestep(observed: Observation) -> str | None:
     if len(runs) == 1 and runs[0].timestep_s != float(observed.cell.scene.model.opt.timestep):
         return None
     used = "Your only run" if len(runs) == 1 else "Every run"
+    seen = f"{used} used a timestep of {observed.format_number(1e3 * runs[0].timestep_s)} ms"
+    is_set_later = abs(observed.search.set_s - runs[0].timestep_s) > CLOSE * runs[0].timestep_s
+    if is_set_later and all(run.model == observed.search.given for run in runs):
+        return f"{seen}: opt.timestep of the model gets another value only after it. Set it before the first step."
     return (
-        f"{used} used a timestep of {observed.format_number(1e3 * runs[0].timestep_s)} ms: the model that you step is "
+        f"{seen}: the model that you step is "
         "not one whose timestep you set. Set opt.timestep on the very model that you pass to mj_step."
     )
 
