@@ -4,13 +4,17 @@ from collections.abc import Callable, Mapping
 from math import ceil, comb, inf, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grader.exercises.episodes.parameters import Goal, GoalName, Problem
 from grader.exercises.episodes.simulating import Floats, Mask, Record
 from grader.numerics.shares import bound_share
 
 OFTEN = 0.1
-"""The share of time at each of both ends from which on a control switches between them."""
+"""The share of time at each of both ends from which on a control may switch between them."""
+
+CHANGES_MIN = 6
+"""The fewest changes from one end to the other that are called switching."""
 
 
 def measure_goal(goal: Goal, record: Record) -> float:
@@ -157,8 +161,17 @@ def measure_saturation(problem: Problem, record: Record) -> float:
 
 
 def switches_ends(problem: Problem, record: Record) -> bool:
-    """Whether the controls are at or beyond both limits of an actuator, each for a share OFTEN of the time."""
+    """Whether the controls go from one limit of an actuator to the other CHANGES_MIN times or more, and are at or
+    beyond each for a share OFTEN of the time."""
     model = problem.model
     low, high = model.actuator_ctrlrange.T
-    ends = (np.mean(record.asked <= low, axis=0), np.mean(record.asked >= high, axis=0))
-    return bool(((np.minimum(*ends) >= OFTEN) & model.actuator_ctrllimited.astype(bool)).any())
+    ends = np.where(record.asked >= high, 1, np.where(record.asked <= low, -1, 0))
+    return any(
+        is_limited and min(np.mean(end < 0), np.mean(end > 0)) >= OFTEN and count_changes(end) >= CHANGES_MIN
+        for end, is_limited in zip(ends.T, model.actuator_ctrllimited, strict=True)
+    )
+
+
+def count_changes(ends: NDArray[np.int_]) -> int:
+    """Returns how often a row of -1, 0 and 1 goes from one end to the other."""
+    return int(np.count_nonzero(np.diff(ends[ends != 0])))

@@ -38,6 +38,12 @@ RESTS = 0.02
 PLAIN = 0.3
 """What a gain moves of the controls at least, where a law fits only roughly: less may make up for what is left out."""
 
+UNUSED = 0.1
+"""What the least sensible gain would move of the controls at least, where a rough law tells that there is none."""
+
+NEAR = 0.05
+"""How far an aim may be from where the target would be in degrees, relative to that."""
+
 SATURATED = 0.5
 """The share of time at the actuator's limit that counts as most of it."""
 
@@ -66,6 +72,7 @@ SIGN = "The gain on {name} has the wrong sign: it pushes away from the target, o
 MISSING = "The controls do not depend on {name}."
 DEGREES_END = "is off by the factor between degrees and radians: the sensors tell radians."
 DEGREES = f"The gain on {{name}} {DEGREES_END}"
+TARGET_DEGREES = f"The target, as the controls use it, {DEGREES_END}"
 LARGE = "The gain on {name} is far too large."
 LITTLE = "The gain on {name} is far too small."
 NOISE = (
@@ -82,8 +89,8 @@ SATURATES = (
     "the gains."
 )
 ONE_END = (
-    "Most of the time the controls are at one end of what the actuator gives: look for a wrong sign, an angle in "
-    "degrees, or a gain that is far too large."
+    "Most of the time the controls are at an end of what the actuator gives: look for a wrong sign, an angle in "
+    "degrees, damping by something else than the rate, or a gain that is far too large."
 )
 HELD = (
     "The controls stay at one end of what the actuator gives: either the function does not use what it observes, or a "
@@ -176,12 +183,16 @@ def find_sentences(parameters: ControllerParameters, judged: Judged, record: Rec
         return
     track = find_columns(parameters, judged.problem)[parameters.track]
     law = fit_law(record, track=track, has_target=parameters.has_target)
+    rough = law or fit_law(record, track=track, has_target=parameters.has_target, fits=ROUGH)
+    if aims_in_degrees(parameters, judged.problem, record, rough):
+        yield TARGET_DEGREES
     if law is not None:
         yield from find_in_law(parameters, judged.problem, record, law)
-    else:
-        yield from find_in_rough_law(parameters, judged.problem, record)
+    elif rough is not None:
+        yield from find_in_rough_law(parameters, judged.problem, record, rough)
     if limited > SATURATED:
-        yield SATURATES if switches_ends(judged.problem, record) else ONE_END
+        is_sensible = rough is not None and not any(find_wrong_gains(parameters, judged.problem, rough))
+        yield SATURATES if switches_ends(judged.problem, record) and not is_sensible else ONE_END
     if law is None and stays_within_limits(judged.problem, record):
         yield OWN_LIMIT
     if law is not None and not law.integral and rests_beside_target(record):
@@ -202,15 +213,31 @@ def find_in_law(parameters: ControllerParameters, problem: Problem, record: Reco
         yield WIND_UP
 
 
-def find_in_rough_law(parameters: ControllerParameters, problem: Problem, record: Record) -> Iterator[str]:
-    """Yields the wrong signs of a law that fits only roughly."""
-    columns = find_columns(parameters, problem)
-    rough = fit_law(record, track=columns[parameters.track], has_target=parameters.has_target, fits=ROUGH)
-    if rough is None or rough.differentiates:  # a gain on changes makes up for one on values
+def find_in_rough_law(
+    parameters: ControllerParameters, problem: Problem, record: Record, rough: FittedLaw
+) -> Iterator[str]:
+    """Yields the wrong signs of a law that fits only roughly, and what it does not use although it moves a lot."""
+    if rough.differentiates:  # a gain on changes makes up for one on values
         return
-    moves = measure_shares(record, rough)
-    wrong_signs = [SIGN.format(name=name) for name in parameters.law if moves[columns[name]] > PLAIN]
-    yield from (sentence for sentence in find_wrong_gains(parameters, problem, rough) if sentence in wrong_signs)
+    columns, moves = find_columns(parameters, problem), measure_shares(record, rough)
+    certain = [SIGN.format(name=name) for name in parameters.law if moves[columns[name]] > PLAIN]
+    for name, allowed in parameters.law.items():
+        least = min(abs(allowed.low), abs(allowed.high)) * record.observed[:, columns[name]].std()
+        if least > UNUSED * record.asked[:, 0].std():
+            certain.append(MISSING.format(name=name))
+    yield from (sentence for sentence in find_wrong_gains(parameters, problem, rough) if sentence in certain)
+
+
+def aims_in_degrees(parameters: ControllerParameters, problem: Problem, record: Record, law: FittedLaw | None) -> bool:
+    """Whether a law with sensible gains on what is observed vanishes at rest where the target would be, were its number
+    one of degrees."""
+    columns = find_columns(parameters, problem)
+    gain = 0.0 if law is None else float(law.gains[columns[parameters.track]])
+    if law is None or not parameters.has_target or not gain or any(find_wrong_gains(parameters, problem, law)):
+        return False
+    aims = -(law.constant + np.nan_to_num(law.gains[-1]) * record.target) / gain
+    wanted = np.degrees(record.target)
+    return bool(np.all(np.abs(aims - wanted) <= NEAR * np.abs(wanted)))
 
 
 def measure_shares(record: Record, law: FittedLaw) -> Floats:
