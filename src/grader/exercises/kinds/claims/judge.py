@@ -79,7 +79,8 @@ def judge_numbers(claim: Claim, got: Floats, measured: MeasuredClaim) -> tuple[s
     off = got - measured.values
     size = compute_size(claim, off)
     worst = off[int(np.abs(off).argmax())]
-    where = "" if len(off) == 1 else "in places " if not (np.all(off > 0) or np.all(off < 0)) else "everywhere "
+    is_off_alike = np.all(off > allowed) or np.all(off < -allowed)
+    where = "" if len(off) == 1 else "everywhere " if is_off_alike else "in places "
     why = f"{capitalize(claim.label)} is {where}too {'high' if worst > 0 else 'low'}."
     returned = f"You returned {got[0]:.5g}{prefix_unit(claim)}. " if len(got) == 1 else ""
     return why, f"{returned}It is off by {size:.3g}{prefix_unit(claim)}; {allowed:.2g}{prefix_unit(claim)} is allowed."
