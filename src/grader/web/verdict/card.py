@@ -134,13 +134,8 @@ def build_card(given: GivenAnswer) -> Card | None:
     cases = {title.partition(": ")[0] for title in titles.values()}
     sentence = capitalize(keep_unbroken(diagnosis)) if diagnosis.startswith(tuple(cases)) else keep_unbroken(diagnosis)
     notes = (ended,) if ended else tuple(list_notes(columns, rows, sentence))
-    score = (
-        f"{write_points(verdict['points'])} of {format_count(verdict['max_points'], 'point')}"
-        if given.is_decided
-        else ""
-    )
     return Card(
-        given, given.badge, score, sentence,
+        given, given.badge, describe_score(given, verdict), sentence,
         keep_unbroken(verdict.get("read_as") or ""), columns, tuple(row for row in rows if not row.passed),
         tuple(row for row in rows if row.passed), notes, tuple(cells),
         mark_script(given.text, verdict), read.read_one(evidence, "tableau", read.Tableau),
@@ -149,6 +144,15 @@ def build_card(given: GivenAnswer) -> Card | None:
         (verdict.get("stdout") or "").rstrip(), (verdict.get("stderr") or "").rstrip(), tuple(list_facts(verdict)),
         evidence, titles,
     )  # fmt: skip
+
+
+def describe_score(given: GivenAnswer, verdict: Mapping[str, Any]) -> str:
+    """Says how many points a decided answer has, and what a late one counts as: `1 of 1 point, late: 0.5 counts`."""
+    if not given.is_decided:
+        return ""
+    score = f"{write_points(verdict['points'])} of {format_count(verdict['max_points'], 'point')}"
+    is_less = given.counted < verdict["points"]
+    return f"{score}, late: {write_points(given.counted)} counts" if is_less else score
 
 
 def list_tables(evidence: Mapping[str, Any], titles: Mapping[str, str]) -> Iterator[Table]:

@@ -10,10 +10,16 @@ from sqlalchemy.orm import Session
 
 from grader.courses.answering.access import LearnerAccess, describe_progress_at, read_access
 from grader.courses.people.identity import Identity
-from grader.courses.rules.policy import Visibility, format_moment, redact_json
+from grader.courses.rules.policy import (
+    NO_EXTENSION,
+    Visibility,
+    format_moment,
+    late_multiplier,
+    redact_json,
+)
 from grader.courses.rules.progress import ComparedAttempt, describe_progress
 from grader.domain.policy import Policy
-from grader.domain.verdict import Status
+from grader.domain.verdict import POINT_DIGITS, Status
 from grader.library import Library
 from grader.questions import Question, Quiz, describe_file
 from grader.store import results, submissions
@@ -62,6 +68,14 @@ class GivenAnswer:
     """How it compares with earlier attempts; empty where there is nothing to say."""
     comments: Sequence[Comment] = ()
     """Comments on lines of the script, in the order of the lines."""
+    multiplier: float = 1.0
+    """What its points are multiplied by, below 1 after the due date."""
+
+    @property
+    def counted(self) -> float:
+        """What its points count as."""
+        points = 0.0 if self.verdict is None else float(self.verdict.get("points") or 0.0)
+        return round(points * self.multiplier, POINT_DIGITS)
 
     @property
     def badge(self) -> Badge:
@@ -139,7 +153,7 @@ class QuestionPlace:
         """Whether an earlier answer has more points than the newest."""
         if self.points is None or self.given is None or self.given.verdict is None or not self.given.is_decided:
             return False
-        return self.points > float(self.given.verdict.get("points") or 0.0)
+        return self.points > self.given.counted
 
     @property
     def counting_badge(self) -> Badge:
@@ -251,7 +265,16 @@ def read_answer(
     answer = json.loads(row.answer) if row.answer else None
     shown = redact_json(settled, decision)
     again = "" if marks is None or decision.shown < Visibility.FEEDBACK else describe_regrade(*marks)
-    return GivenAnswer(row.id, row.attempt, row.created_at, answer, row.status, shown, decision.withheld, again)
+    return GivenAnswer(row.id, row.attempt, row.created_at, answer, row.status, shown, decision.withheld, again,
+                       multiplier=find_multiplier(access, row))  # fmt: skip
+
+
+def find_multiplier(access: LearnerAccess, row: Submission) -> float:
+    """Returns what the points of a learner's answer are multiplied by for being late; 1 where the course has lost the
+    quiz."""
+    policy = access.policies.get(row.quiz)
+    extension = access.extensions.get(row.quiz, NO_EXTENSION)
+    return 1.0 if policy is None else late_multiplier(policy, extension, row.created_at)
 
 
 def describe_regrade(before: VerdictMark, after: VerdictMark) -> str:

@@ -1,0 +1,41 @@
+"""What the pages say of answers that were handed in after the due date."""
+
+import json
+from collections.abc import Iterator
+from datetime import timedelta
+
+import pytest
+
+from grader.settings import Settings
+from grader.store.tables import now
+from support.sites import Site, open_site, write_content
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    content = write_content(tmp_path_factory.mktemp("late") / "content")
+    late = {"until": (now() + timedelta(days=9)).isoformat(), "per_day": 0.5, "floor": 0.5}
+    policy = {"due": (now() - timedelta(hours=3)).isoformat(), "late": late}
+    file = content / "quizzes" / "small.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"policy": policy}))
+    with open_site(Settings(content=content, data=tmp_path_factory.mktemp("data"), workers=0)) as site:
+        yield site
+
+
+def answer_late(site: Site, option: int) -> str:
+    """Hands in an option as a new learner, and returns the page of the quiz."""
+    learner = site.anonymous({"Accept": "text/html", "Sec-Fetch-Site": "same-origin", "Origin": site.origin})
+    learner.post("/session")
+    given = {"quiz": "small", "question": "q1", "answer": option}
+    assert learner.post("/api/v1/submissions", json=given).status_code == 201
+    return learner.get("/?quiz=small").text
+
+
+def test_a_late_verdict_says_what_counts_of_its_points(site: Site) -> None:
+    page = answer_late(site, 1)
+    assert "1 of 1 point, late: 0.5 counts, attempt 1" in page
+    assert "An earlier attempt counts" not in page  # than which it has more points, but not more that count
+
+
+def test_nothing_is_taken_from_no_points(site: Site) -> None:
+    assert "0 of 1 point, attempt 1" in answer_late(site, 0)
