@@ -45,6 +45,10 @@ NEWEST = (VerdictRow.submission_id == Submission.id) & (VerdictRow.revision == S
 """Joins a submission with its newest verdict."""
 
 
+READABLE = Submission.outcome.is_(None) | (Submission.outcome != Status.INVALID_ANSWER.value)
+"""The condition of answers that could be read, or are still to be."""
+
+
 class Try(NamedTuple):
     """A graded attempt of a member at a question."""
 
@@ -65,6 +69,18 @@ class VerdictMark(NamedTuple):
     points: float
     max_points: float
     at: datetime
+
+
+class AttemptMark(NamedTuple):
+    """An attempt in short: its number, its state, and the newest verdict's status and points, None before the first."""
+
+    id: str
+    attempt: int
+    at: datetime
+    state: str
+    status: str | None
+    points: float | None
+    max_points: float | None
 
 
 @dataclass(frozen=True)
@@ -170,6 +186,18 @@ def page(session: Session, wanted: SubmissionFilter, before: str | None, limit: 
     return session.scalars(newest_first).all()
 
 
+def list_attempt_marks(session: Session, wanted: SubmissionFilter) -> list[AttemptMark]:
+    """The attempts of a learner at a question in short, newest first; answers that could not be read are left out."""
+    columns = (Submission.id, Submission.attempt, Submission.created_at, Submission.status)
+    rows = (
+        select(*columns, VerdictRow.status, VerdictRow.points, VerdictRow.max_points)
+        .outerjoin(VerdictRow, NEWEST)
+        .where(*wanted.conditions(), READABLE)
+        .order_by(Submission.id.concat("").desc())  # as in `page`
+    )
+    return [AttemptMark(*row) for row in session.execute(rows)]
+
+
 def find_newest_quiz(session: Session, course: str) -> str | None:
     """The quiz of the newest submission of a course; None before the first."""
     here = select(Submission.quiz).where(Submission.course == course)
@@ -178,8 +206,7 @@ def find_newest_quiz(session: Session, course: str) -> str | None:
 
 def find_newest(session: Session, course: str, learner: str) -> Sequence[Submission]:
     """A learner's newest submission at each question; answers that could not be read are left out."""
-    readable = Submission.outcome.is_(None) | (Submission.outcome != Status.INVALID_ANSWER.value)
-    theirs = (Submission.course == course, Submission.learner == learner, readable)
+    theirs = (Submission.course == course, Submission.learner == learner, READABLE)
     ids = select(func.max(Submission.id)).where(*theirs).group_by(Submission.quiz, Submission.question)
     return session.scalars(select(Submission).where(Submission.id.in_(ids))).all()
 

@@ -16,10 +16,11 @@ COMPARED = frozenset({Status.CORRECT, Status.PARTIAL, Status.INCORRECT, Status.C
 
 @dataclass(frozen=True)
 class ComparedAttempt:
-    """An attempt's number, and its verdict as the learner may see it."""
+    """An attempt's number, and its verdict as the learner may see it; only status and points unless `is_whole`."""
 
     attempt: int
     verdict: Mapping[str, Any]
+    is_whole: bool = True
 
     @property
     def mistake(self) -> str:
@@ -55,7 +56,8 @@ def describe_progress(earlier: Sequence[ComparedAttempt], now: ComparedAttempt) 
     if now.points > last.points:
         more, several = len(now.held - last.held), len(now.verdict.get("findings") or ())
         hold = "holds" if more == 1 else "hold"
-        gained = f": {more} more of {several} {hold}" if more and now.held >= last.held else ""
+        is_known = last.is_whole and now.held >= last.held
+        gained = f": {more} more of {several} {hold}" if more and is_known else ""
         return f"Better than attempt {last.attempt}{gained}, {compare_points(now, last)}."
     if now.points < best.points:
         return f"Attempt {best.attempt} was better, {compare_points(best, now)}: go on from that one."

@@ -65,7 +65,7 @@ def exercise_as(
     with services.database.write() as session:
         reader = get_learner(session, who, learner)
         work = read_visible_work(session, desk, who, reader, [quiz])
-        attempts = list_attempts(session, work, reader, quiz_id, question_id)
+        attempts = list_attempts(session, work, reader, quiz_id, question_id, also=[attempt])
         names = hide_names(
             desk, session, who, submissions.get_several(session, [attempt.id for attempt in attempts]), {}
         ).names

@@ -20,6 +20,10 @@ LINES_MAX = 2000
 """Longer scripts stand side by side without marks: to compare takes a time that grows with the square."""
 
 
+BESIDE, LISTED_MAX = 3, 100
+"""Attempts that the page always shows, and those that it shows at most when the earlier ones are unfolded."""
+
+
 @dataclass(frozen=True)
 class SourceLine:
     """A line of one of two scripts; `kind` is `same`, `changed`, or `gap` where only the other has a line."""
@@ -47,6 +51,7 @@ def build_exercise_page(
         "here": here,
         "facts": facts | {"points": describe_points(here)},  # what waits may be at other questions
         "attempts": attempts,
+        "earlier": choose_listed(attempts[BESIDE:], shown),
         "shown": shown,
         "following": find_following(quiz.id, lesson, views[at + 1 :]),
         "running": running,
@@ -67,11 +72,18 @@ def find_following(quiz: str, lesson: str, later: Sequence[Mapping[str, Any]]) -
 def choose_attempt(attempts: Sequence[GivenAnswer], chosen: str | None) -> GivenAnswer | None:
     """The chosen attempt, else the newest with a verdict. Raises NotFound if the learner has no such attempt."""
     if chosen is None:
-        return next((attempt for attempt in attempts if attempt.verdict is not None), None)
+        return next((attempt for attempt in attempts if attempt.is_whole and attempt.verdict is not None), None)
     chosen_attempt = next((attempt for attempt in attempts if attempt.id == chosen), None)
     if chosen_attempt is None:
         raise NotFound("You have no such attempt at this exercise.")
     return chosen_attempt
+
+
+def choose_listed(earlier: Sequence[GivenAnswer], shown: GivenAnswer | None) -> list[GivenAnswer]:
+    """Returns the earlier attempts that the page lists: the newest, the first of the best, and those with comments."""
+    best = max(reversed(earlier), key=lambda attempt: (attempt.is_decided, attempt.counted), default=None)
+    listed = {attempt.id for attempt in (*earlier[:LISTED_MAX], best, shown) if attempt is not None}
+    return [attempt for attempt in earlier if attempt.id in listed or attempt.comments]
 
 
 def choose_source(here: AskedQuestion, typed: TypedAnswer | None) -> str:

@@ -138,7 +138,7 @@ def show_exercise(
     quiz = library.quiz(quiz_id)
     with services.database.read() as session:
         work = read_work(session, library, reader, [quiz])
-        attempts = list_attempts(session, work, reader, quiz_id, question_id)
+        attempts = list_attempts(session, work, reader, quiz_id, question_id, also=[attempt])
         state, newest = (attempts[0].state, attempts[0].id) if attempts else ("", "")
         ahead = jobs.count_ahead(session, newest, reader.id) if state == QUEUED else None
         at = case_now(session, newest) if state == RUNNING else None
@@ -159,7 +159,7 @@ def compare(
     quiz, question = library.find(quiz_id, question_id)
     with services.database.read() as session:
         work = read_work(session, library, who, [quiz])
-        attempts = list_attempts(session, work, who, quiz_id, question_id)
+        attempts = list_attempts(session, work, who, quiz_id, question_id, also=[left, right])
     if len(attempts) < 2:
         raise NotFound("There are no two attempts to compare yet.")
     by_id = {attempt.id: attempt for attempt in attempts}
@@ -184,10 +184,11 @@ def reel(
     with services.database.read() as session:
         work = read_work(session, library, who, [library.quiz(quiz_id)])
         attempts = list_attempts(session, work, who, quiz_id, question_id, most=REEL_MAX)
+    whole = [given for given in attempts if given.is_whole]
     title, base = list_titles(library)[quiz_id, question_id], f"/quizzes/{quiz_id}/{question_id}"
     return page(
         request, "reel.html", who=who, layout="base.html", title=title, up=(base, f"Back to {title}"),
-        base=f"{base}/reel", pictures=f"{base}/attempts", reel=build_reel(attempts, question, attempt),
+        base=f"{base}/reel", pictures=f"{base}/attempts", reel=build_reel(whole, question, attempt),
     )  # fmt: skip
 
 
@@ -231,7 +232,7 @@ def plot(quiz_id: str, question_id: str, attempt: str, name: str, *, services: A
     library = services.library_for(who)
     with services.database.read() as session:
         work = read_work(session, library, who, [library.quiz(quiz_id)])
-        attempts = list_attempts(session, work, who, quiz_id, question_id)
+        attempts = list_attempts(session, work, who, quiz_id, question_id, also=[attempt])
     given = next(
         (candidate for candidate in attempts if candidate.id == attempt and candidate.verdict is not None), None
     )

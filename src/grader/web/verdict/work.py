@@ -25,13 +25,13 @@ from grader.questions import Question, Quiz, describe_file
 from grader.store import results, submissions
 from grader.store.reviewing import line_comments
 from grader.store.reviewing.line_comments import CommentedAttempt
-from grader.store.submissions import SubmissionFilter, VerdictMark
+from grader.store.submissions import AttemptMark, SubmissionFilter, VerdictMark
 from grader.store.tables import Result, Submission
 from grader.web.text.numbers import write_points
 from grader.web.text.statuses import NOT_ANSWERED, QUEUED, RUNNING, STATUSES, Badge, describe_status
 
 ATTEMPTS_MAX = 12
-"""Attempts that a page lists, the newest ones."""
+"""Attempts that a page reads with answers and whole verdicts, the newest ones; of older ones it reads a line."""
 
 AGAIN = {
     "regrade": "Graded again on {when}, after a change of the question or its key",
@@ -70,6 +70,8 @@ class GivenAnswer:
     """Comments on lines of the script, in the order of the lines."""
     multiplier: float = 1.0
     """What its points are multiplied by, below 1 after the due date."""
+    is_whole: bool = True
+    """Whether `answer` and `verdict` were read; of others the verdict has status and points alone."""
 
     @property
     def counted(self) -> float:
@@ -213,19 +215,33 @@ def describe_place(
 
 
 def list_attempts(
-    session: Session, work: Work, who: Identity, quiz: str, question: str, *, most: int = ATTEMPTS_MAX
-) -> list[GivenAnswer]:
-    """Returns a learner's newest answers to one question, and older ones with comments, newest first; unreadable ones
-    are left out."""
-    wanted = SubmissionFilter(who.course, quiz=quiz, question=question, learner=who.id)
-    rows = list(submissions.page(session, wanted, None, most))
-    listed = {row.id for row in rows}
-    commented = [
-        comment.submission for comment in work.places[quiz, question].commented if comment.submission not in listed
-    ]
-    if commented:
-        rows += sorted(submissions.get_several(session, commented), key=lambda row: row.id, reverse=True)
-    return compare_attempts(read_answers(session, work.access, rows))
+    session: Session, work: Work, who: Identity, quiz: str, question: str, *, most: int = ATTEMPTS_MAX,
+    also: Sequence[str | None] = (),
+) -> list[GivenAnswer]:  # fmt: skip
+    """Returns all of a learner's answers to one question, newest first; unreadable ones are left out. The newest `most`
+    are whole, and older ones that have comments or whose ids are in `also`."""
+    marks = submissions.list_attempt_marks(
+        session, SubmissionFilter(who.course, quiz=quiz, question=question, learner=who.id)
+    )
+    wanted = {comment.submission for comment in work.places[quiz, question].commented} | {*also}
+    whole = [mark.id for at, mark in enumerate(marks) if at < most or mark.id in wanted]
+    read = {given.id: given for given in read_answers(session, work.access, submissions.get_several(session, whole))}
+    return compare_attempts([read.get(mark.id) or read_in_short(work.access, quiz, question, mark) for mark in marks])
+
+
+def read_in_short(access: LearnerAccess, quiz: str, question: str, mark: AttemptMark) -> GivenAnswer:
+    """Returns an attempt of which a list says the state and the points."""
+    decision = access.decide(quiz, question)
+    verdict: dict[str, Any] = {
+        "status": mark.status,
+        "points": mark.points,
+        "max_points": mark.max_points,
+        "timing_ms": {},
+    }
+    is_settled = mark.state in submissions.AT_REST and mark.status is not None
+    shown = redact_json(verdict, decision) if is_settled else None
+    return GivenAnswer(mark.id, mark.attempt, mark.at, None, mark.state, shown, decision.withheld,
+                       multiplier=find_multiplier(access, quiz, mark.at), is_whole=False)  # fmt: skip
 
 
 def compare_attempts(attempts: Sequence[GivenAnswer]) -> list[GivenAnswer]:
@@ -233,9 +249,15 @@ def compare_attempts(attempts: Sequence[GivenAnswer]) -> list[GivenAnswer]:
     given = [
         attempt for attempt in attempts if attempt.verdict is None or attempt.verdict["status"] != Status.INVALID_ANSWER
     ]
-    compared = [ComparedAttempt(attempt.attempt, attempt.verdict) for attempt in reversed(given) if attempt.verdict]
+    compared = [
+        ComparedAttempt(attempt.attempt, attempt.verdict, attempt.is_whole)
+        for attempt in reversed(given)
+        if attempt.verdict
+    ]
     by_attempt = {
-        comparison.attempt: describe_progress(compared[:index], comparison) for index, comparison in enumerate(compared)
+        comparison.attempt: describe_progress(compared[:index], comparison)
+        for index, comparison in enumerate(compared)
+        if comparison.is_whole
     }
     return [replace(attempt, progress=by_attempt.get(attempt.attempt, "")) for attempt in given]
 
@@ -266,15 +288,14 @@ def read_answer(
     shown = redact_json(settled, decision)
     again = "" if marks is None or decision.shown < Visibility.FEEDBACK else describe_regrade(*marks)
     return GivenAnswer(row.id, row.attempt, row.created_at, answer, row.status, shown, decision.withheld, again,
-                       multiplier=find_multiplier(access, row))  # fmt: skip
+                       multiplier=find_multiplier(access, row.quiz, row.created_at))  # fmt: skip
 
 
-def find_multiplier(access: LearnerAccess, row: Submission) -> float:
+def find_multiplier(access: LearnerAccess, quiz: str, at: datetime) -> float:
     """Returns what the points of a learner's answer are multiplied by for being late; 1 where the course has lost the
     quiz."""
-    policy = access.policies.get(row.quiz)
-    extension = access.extensions.get(row.quiz, NO_EXTENSION)
-    return 1.0 if policy is None else late_multiplier(policy, extension, row.created_at)
+    policy = access.policies.get(quiz)
+    return 1.0 if policy is None else late_multiplier(policy, access.extensions.get(quiz, NO_EXTENSION), at)
 
 
 def describe_regrade(before: VerdictMark, after: VerdictMark) -> str:
