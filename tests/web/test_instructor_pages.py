@@ -93,6 +93,22 @@ def answer(client: httpx.Client, quiz: str, question: str, given: object) -> dic
     return made
 
 
+def test_the_oldest_answer_is_opened_again_by_who_has_it_open(site: Site, tina: httpx.Client) -> None:
+    sent = [answer(site.client(name), "small", "q4", f"{name} says.")["id"] for name in ("ann", "bob", "cem")]
+    tom = browser(site, "tom", "instructor")
+
+    def open_next(reviewer: httpx.Client) -> str:
+        response = reviewer.post("/instructor/review/next?which=reviews")
+        assert response.status_code == 303
+        return response.headers["location"].partition("?")[0].rpartition("/")[2]
+
+    assert [open_next(who) for who in (tina, tina, tom, tina, tom)] == [sent[0], sent[0], sent[1], sent[0], sent[1]]
+    tina.post(f"/instructor/review/{sent[0]}", data={"do": "release"})
+    assert open_next(tom) == sent[1]
+    tom.post(f"/instructor/review/{sent[1]}", data={"do": "release"})
+    assert open_next(tom) == sent[0]
+
+
 def page(client: httpx.Client, path: str) -> str:
     response = client.get(path)
     assert response.status_code == 200, response.text

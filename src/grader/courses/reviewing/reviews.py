@@ -55,9 +55,10 @@ def claim(session: Session, who: Identity, submission: Submission, *, second: bo
     return reviews.put_claim(session, submission.id, who.id, who.user, clock + CLAIM)
 
 
-def next_to_claim(session: Session, queue: Queue, who: Identity) -> Submission:
-    """Returns the submission that has waited longest for a claim. Raises NotFound."""
-    submission = reviews.find_oldest(session, queue, who.id, now())
+def next_to_claim(session: Session, queue: Queue, who: Identity, *, own_first: bool = False) -> Submission:
+    """Returns the submission that has waited longest for a claim; with `own_first` one that the reviewer holds, if
+    there is one. Raises NotFound."""
+    submission = reviews.find_oldest(session, queue, who.id, now(), own_first=own_first)
     if submission is None:
         raise NotFound("No submission needs a review here.")
     return submission

@@ -74,11 +74,17 @@ def page(session: Session, queue: Queue, after: str | None, limit: int, clock: d
     return [(row[0], row[1]) for row in session.execute(oldest_first)]
 
 
-def find_oldest(session: Session, queue: Queue, reviewer: str, clock: datetime) -> Submission | None:
-    """The oldest submission without a claim, else the oldest that this reviewer has claimed."""
+def find_oldest(
+    session: Session, queue: Queue, reviewer: str, clock: datetime, *, own_first: bool = False
+) -> Submission | None:
+    """The oldest submission without a claim, else the oldest that this reviewer has claimed; with `own_first` the other
+    way round."""
     longest = _queued(queue, clock).limit(1)
-    free: Submission | None = session.scalar(longest.where(ReviewClaim.submission_id.is_(None)))
-    return free or session.scalar(longest.where(ReviewClaim.reviewer == reviewer))
+    free = longest.where(ReviewClaim.submission_id.is_(None))
+    own = longest.where(ReviewClaim.reviewer == reviewer)
+    first, second = (own, free) if own_first else (free, own)
+    found: Submission | None = session.scalar(first)
+    return found or session.scalar(second)
 
 
 def find_claim(session: Session, submission_id: str, clock: datetime) -> ReviewClaim | None:

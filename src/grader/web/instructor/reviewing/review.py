@@ -88,7 +88,8 @@ AtDesk = Annotated[Sitting, Depends()]
 
 @router.post(f"{PAGE}/next")
 def open_next(at: AtDesk) -> Response:
-    """Claims the answer of a list that has waited longest, and redirects to it; to the list once nothing waits."""
+    """Redirects to the answer of a list that this reviewer holds; else claims the one that has waited longest. To the
+    list once nothing waits."""
     return claim_next(at)
 
 
@@ -148,12 +149,12 @@ def claim_next(at: Sitting, **query: str) -> RedirectResponse:
 
 
 def find_first(at: Sitting, session: Session) -> Submission | None:
-    """Returns the answer of a list that has waited longest, if one waits."""
+    """Returns the answer of a list that the reviewer holds, else the one that has waited longest, if one waits."""
     if at.chosen.which == DIFFER:
         differ = stored.list_disagreements(session, at.chosen.wanted(at.who), None, 1)
         return differ[0][0] if differ else None
     try:
-        return reviews.next_to_claim(session, at.chosen.queue(at.desk, session, at.who), at.who)
+        return reviews.next_to_claim(session, at.chosen.queue(at.desk, session, at.who), at.who, own_first=True)
     except NotFound:
         return None
 
