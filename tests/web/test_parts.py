@@ -254,6 +254,10 @@ def test_without_javascript_every_kind_is_answered(site: Site, browser: Chromium
         card(page, "stages").get_by_label(f"Position of {stage}").select_option(str(STAGES.index(stage) + 1))
     card(page, "stages").get_by_role("button", name="Send").click()
     expect(card(page, "stages").locator("[data-trouble]")).to_contain_text("mj_Euler")
+    assert page.url.endswith("#parts--stages-trouble")
+    assert page.locator(":target").get_attribute("data-trouble") is not None
+    expect(card(page, "stages").locator("[data-trouble]")).to_be_in_viewport()
+    expect(card(page, "stages").get_by_label("Position of mj_Euler")).to_be_in_viewport()
     expect(card(page, "stages").get_by_label("Position of mj_fwdConstraint")).to_have_value("4")
     card(page, "stages").get_by_label("Position of mj_Euler").select_option("5")
     assert send(page, "stages") == "correct"

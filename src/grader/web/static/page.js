@@ -138,7 +138,6 @@ async function send(form, submitter) {
 
 async function pageOf(response) {
   const page = new DOMParser().parseFromString(await response.text(), "text/html");
-  page.querySelectorAll("[autofocus]").forEach((field) => field.removeAttribute("autofocus")); // for pages without scripts
   localise(page);
   return page;
 }
