@@ -18,6 +18,7 @@ from grader.domain.verdict import Status, Verdict
 from grader.errors import ContentError
 from grader.exercises import plan_exercise
 from grader.exercises.kinds.model.variants import list_variants
+from grader.exercises.kinds.model.xml_faults import explain_xml
 from grader.grading.pipeline import Pipeline
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion
@@ -171,6 +172,43 @@ def test_feedback_says_what_line_and_draws_both_models_as_far_as_the_author_allo
     assert [one.title for one in both] == ["The parts: both models", "Released at rest: both models"]
     assert str(both[0].pictures).count('class="geom"') == 2 * str(mine[0].pictures).count('class="geom"') == 12
     assert ("asked for", "0", "capsule", "0.03 0.2 0", "0 0 0.8") in both[0].table
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<mujoco><worldbody></mujoco>", "Line 1: <worldbody> is not closed."),
+        ("<mujoco>\n<worldbody>\n<body></worldbody></mujoco>", "Line 3: <body> is not closed."),
+        ("<mujoco>\n<body a=1/></mujoco>", "Line 2: an attribute of <body> cannot be read: write each once, as name="),
+        ("hello", "Line 1: the text does not end in an element: a model is <mujoco> ... </mujoco>."),
+        ("<mujoco>\n<!-- x</mujoco>", "Line 2: a comment is not closed by -->."),
+        ("<mujoco><a></a", "Line 1: <a> is not complete"),
+        ("<mujoco><![CDATA[ x</mujoco>", "Line 1: a <![CDATA[ is not closed by ]]>."),
+        ("<?xml version='1.0'<mujoco/>", "Line 1: the declaration <?xml ...?> is not closed by ?>."),
+    ],
+)
+def test_a_text_that_is_no_xml_is_told_so_in_plain_words(text: str, said: str) -> None:
+    with pytest.raises(ValueError, match="XML parse error") as error:
+        mujoco.MjSpec.from_string(text)
+    assert explain_xml(" ".join(str(error.value).split())).startswith(said)
+
+
+def test_other_messages_of_mujoco_stay() -> None:
+    assert explain_xml("Schema violation: Element 'geom', line 3") == "Schema violation: Element 'geom', line 3"
+    unknown = "XML parse error 99: Error=XML_NEW ErrorID=99 (0x63) Line number=7"
+    assert explain_xml(unknown) == "Line 7: this is not XML (XML_NEW)."
+
+
+def test_a_text_that_is_no_xml_is_explained_once_at_its_line(pipeline: Pipeline) -> None:
+    verdict = grade(pipeline, "<mujoco>\n<worldbody>\n</mujoco>")
+    assert (verdict.diagnosis, verdict.line) == ("Line 2: <worldbody> is not closed.", 2)
+    assert not any("worldbody" in finding.message for finding in verdict.findings)
+
+
+def test_the_line_of_what_a_program_makes_is_no_line_of_the_program(pipeline: Pipeline) -> None:
+    verdict = grade(pipeline, "def make_cart(*numbers):\n    return '<mujoco><worldbody></mujoco>'\n", "cart")
+    assert verdict.diagnosis == "MuJoCo cannot compile the model: Line 1: <worldbody> is not closed."
+    assert verdict.line is None
 
 
 def test_what_a_model_lacks_is_said_before_the_numbers_that_follow_from_it(pipeline: Pipeline) -> None:

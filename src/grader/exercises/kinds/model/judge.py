@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from grader.exercises.judgement import Judgement, Part, Results
 from grader.exercises.kinds.model import measuring
 from grader.exercises.kinds.model.parameters import Goal, Problem, list_asked_names
+from grader.exercises.kinds.model.xml_faults import explain_xml
 from grader.exercises.parameters import WrongInCase
 
-LINE = re.compile(r"\bline (\d{1,6})\b")
+LINE = re.compile(r"\b[Ll]ine (\d{1,6})\b")
 FIGURES = 5
 FAULTS_MAX = 3
 """Most expressions of a goal that its finding says something of."""
@@ -65,8 +66,8 @@ def judge_model(problem: Problem, results: Results) -> Judgement[ModelOutcome]:
     if "error" in reference:
         raise ValueError(f"the reference cannot be measured: {reference['error']}")
     if "error" in submitted:
-        error = " ".join(str(submitted["error"]).split())
-        return Judgement(False, f"MuJoCo cannot compile the model: {error}", ModelOutcome(error=error))
+        error = explain_xml(" ".join(str(submitted["error"]).split()))
+        return Judgement(False, "MuJoCo cannot compile the model.", ModelOutcome(error=error))
     parts, missing = list[Part](), list[str]()
     for index, goal in enumerate(problem.case.goals):
         mine, its = submitted["goals"][index], reference["goals"][index]

@@ -14,6 +14,7 @@ from grader.exercises.kinds.model import matching, measuring
 from grader.exercises.kinds.model.judge import ModelOutcome
 from grader.exercises.kinds.model.parameters import Problem
 from grader.exercises.kinds.model.variants import Variant, list_variants
+from grader.exercises.kinds.model.xml_faults import PLAIN
 
 DRIVER = 'exec(codes["measuring"])\nexec(codes["matching"])\n'
 LIMITS = Limits(cpu_s=20, wall_s=60, memory_mb=512)
@@ -35,9 +36,15 @@ Judged = Sequence[JudgedTrial[Problem, ModelOutcome]]
 
 
 def name_plain_mistake(judged: Judged) -> Mistake | None:
-    """Returns why the model cannot be compiled, with the line."""
-    outcome = next((trial.judgement.outcome for trial in judged if trial.judgement.outcome.error), None)
-    return None if outcome is None else Mistake(f"MuJoCo cannot compile the model: {outcome.error}", outcome.line)
+    """Returns why the model cannot be compiled, with its line where the model is what was handed in."""
+    first = next((trial for trial in judged if trial.judgement.outcome.error), None)
+    if first is None:
+        return None
+    outcome, is_program = first.judgement.outcome, first.script.tree is not None
+    if is_program or not PLAIN.match(outcome.error):
+        sentence = f"MuJoCo cannot compile the model: {outcome.error}"
+        return Mistake(sentence, None if is_program else outcome.line)
+    return Mistake(outcome.error, outcome.line)
 
 
 def find_mistake(judged: Judged, run: Callable[[Job], RunReport]) -> Mistake | None:
