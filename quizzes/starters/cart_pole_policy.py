@@ -1,4 +1,4 @@
-"""Write policy.npz, four numbers that push a cart. What is here runs, but lets the pole fall.
+"""Write cart_pole_policy.npz, four numbers that push a cart. What is here runs, but lets the pole fall.
 
 Try it on your own machine first:  python cart_pole_policy.py
 """
@@ -11,7 +11,7 @@ from mjcourse import model_path
 W1 = np.zeros((4, 1))
 
 if __name__ == "__main__":
-    np.savez("policy.npz", W1=W1)
+    np.savez("cart_pole_policy.npz", W1=W1)
     model = mujoco.MjModel.from_xml_path(str(model_path("cart_pole")))
     data = mujoco.MjData(model)
     data.qpos[1] = 0.1

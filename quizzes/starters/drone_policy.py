@@ -1,4 +1,4 @@
-"""Write policy.npz, a network of one hidden layer of 12 units. What is here runs, but only hovers.
+"""Write drone_policy.npz, a network of one hidden layer of 12 units. What is here runs, but only hovers.
 
 Try it on your own machine first:  python drone_policy.py
 """
@@ -13,7 +13,7 @@ W1, b1 = np.zeros((6, 12)), np.zeros(12)
 W2, b2 = np.zeros((12, 2)), np.full(2, (9.81 / 2 - 5) / 5)
 
 if __name__ == "__main__":
-    np.savez("policy.npz", W1=W1, b1=b1, W2=W2, b2=b2)
+    np.savez("drone_policy.npz", W1=W1, b1=b1, W2=W2, b2=b2)
     model = mujoco.MjModel.from_xml_path(str(model_path("planar_drone")))
     data = mujoco.MjData(model)
     data.qpos[0] = 1

@@ -1,4 +1,4 @@
-"""Write policy.npz, a network of two hidden layers of 32 units. What is here runs, but is not trained.
+"""Write servo_arm_policy.npz, a network of two hidden layers of 32 units. What is here runs, but is not trained.
 
 Try it on your own machine first:  python servo_arm_policy.py
 """
@@ -26,7 +26,7 @@ def act(observation):
 
 if __name__ == "__main__":
     # Train here: for instance imitate a law that you know on drawn states.
-    np.savez("policy.npz", **arrays)
+    np.savez("servo_arm_policy.npz", **arrays)
     model = mujoco.MjModel.from_xml_path(str(model_path("servo_arm")))
     data = mujoco.MjData(model)
     while data.time < 3:

@@ -188,6 +188,28 @@ def test_a_kit_has_all_that_is_promised_in_the_same_bytes(
         assert notebook.cells[2].source == kit.read(f"{question}/{script}").decode()
 
 
+def test_a_starter_writes_the_file_that_the_kit_asks_for(libraries: dict[str, Library]) -> None:
+    asked = [one for one in EXERCISES if libraries[one[0]].question(*one[1:]).model_dump().get("takes") == "npz"]
+    assert len(asked) == 3
+    for content, quiz, question in asked:
+        texts = list_texts(libraries[content], quiz, question, judged=True)
+        file = f"{question.replace('-', '_')}.npz"
+        assert f"You hand in `{file}`" in texts["README.md"]
+        assert re.findall(r"[\w.]+\.npz", texts[file.replace(".npz", ".py")]) == [file, file]
+
+
+def test_the_notebook_signs_in_at_the_server_that_made_the_kit(libraries: dict[str, Library]) -> None:
+    of = (libraries["lesson"], "1.3-exercises", "servo-threshold")
+
+    def read_last_cell(origin: str) -> str:
+        notebook = list_texts(*of, judged=True, origin=origin)["servo-threshold.ipynb"]
+        return str(nbformat.reads(notebook, as_version=4).cells[-1].source)
+
+    known, unknown = read_last_cell("https://course.example.org"), read_last_cell("")
+    assert 'g.sign_in("https://course.example.org")' in known and "write the address" not in known
+    assert 'g.sign_in("https://grader.example.edu")' in unknown and "write the address" in unknown
+
+
 def test_only_an_exercise_has_a_kit(libraries: dict[str, Library]) -> None:
     with pytest.raises(NotFound, match="only exercises have a kit"):
         build_kit(libraries["lesson"], "1.3-check", "q1", judged=True)

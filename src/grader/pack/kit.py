@@ -137,7 +137,7 @@ def list_texts(library: Library, quiz: str, name: str, *, judged: bool, origin: 
     return {
         "README.md": README.format_map(values),
         script: starter,
-        notebook: build_notebook(question.q, starter, exercise, texts),
+        notebook: build_notebook(question.q, starter, exercise, texts, origin=origin),
         **texts,
     }
 

@@ -35,22 +35,32 @@ else:
 """
 
 SUBMIT = """\
-# Hands in. Take the comment signs away, and write the address of your course's page.
-# g.sign_in("https://grader.example.edu")
+# Hands in. {how}
+# g.sign_in("{origin}")
 # g.submit({entry}, question="{question}", quiz="{quiz}")
 """
 
 
-def build_notebook(task: str, starter: str, exercise: Mapping[str, Any], texts: Mapping[str, str]) -> str:
+UNCOMMENT = "Take the comment signs away"
+EXAMPLE = "https://grader.example.edu"
+"""What stands for the address of the server where it is not known."""
+
+
+def build_notebook(
+    task: str, starter: str, exercise: Mapping[str, Any], texts: Mapping[str, str], *, origin: str = ""
+) -> str:
     """Returns the notebook as nbformat 4.5: the task, the set-up, the starter, a check of the visible cases, and how to
-    hand in. Without MuJoCo, as in JupyterLite, the task can be read and the function written."""
+    hand in, at the server of this `origin` where it is known. Without MuJoCo, as in JupyterLite, the task can be read
+    and the function written."""
     files = json.dumps(texts, ensure_ascii=False)
+    how = f"{UNCOMMENT}." if origin else f"{UNCOMMENT}, and write the address of your course's page."
+    handing_in = {**exercise, "how": how, "origin": origin or EXAMPLE}
     cells = [
         make_cell("task", "markdown", f"# {exercise['title']}\n\n{task}\n"),
         make_cell("set-up", "code", SET_UP.format(files=files, mujoco=exercise["mujoco"])),
         make_cell("script", "code", starter),
         make_cell("check", "code", CHECK.format_map(exercise)),
-        make_cell("submit", "code", SUBMIT.format_map(exercise)),
+        make_cell("submit", "code", SUBMIT.format_map(handing_in)),
     ]
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
     whole = {"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}
