@@ -109,6 +109,20 @@ def test_the_oldest_answer_is_opened_again_by_who_has_it_open(site: Site, tina: 
     assert open_next(tom) == sent[0]
 
 
+def test_a_learner_reads_a_comment_in_the_lines_in_which_it_was_written(site: Site, tina: httpx.Client) -> None:
+    ann = browser(site, "ann")
+    given = answer(ann, "small", "q4", "Because.")["id"]
+    form = page(tina, f"/instructor/review/{given}?which=reviews")
+    version = re.search(r'name="version" value="(\d+)"', form)
+    assert version is not None
+    decided = {"do": "decide", "version": version[1], "points": "0.5", "comment": "First <b>this</b>.\r\nThen that."}
+    assert tina.post(f"/instructor/review/{given}", data=decided).status_code == 303
+    seen = page(ann, "/?quiz=small")
+    assert '<span class="as-typed">First &lt;b&gt;this&lt;/b&gt;.\nThen that.</span>' in seen
+    styles = httpx.get(site.origin + re.findall(r'href="([^"]*/style[^"]*\.css)"', seen)[0]).text
+    assert re.search(r"\.as-typed \{ white-space: pre-line;", styles)
+
+
 def page(client: httpx.Client, path: str) -> str:
     response = client.get(path)
     assert response.status_code == 200, response.text
