@@ -131,7 +131,7 @@ def test_the_questions_own_attempts_are_stronger_and_an_extension_adds() -> None
     policy, used = Policy(attempts=3), [attempt(1), attempt(2)]
     assert ask(policy, used).attempts_left == 1
     spent = ask(policy, used, attempts_allowed=2)
-    assert spent.why_not == "All 2 attempts at this question are used up."
+    assert spent.why_not == "Both attempts at this question are used up."
     assert spent.attempts_left == 0
     assert ask(policy, used, attempts_allowed=2, extension=Extension(attempts=1)).attempts_left == 1
 

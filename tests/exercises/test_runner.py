@@ -5,7 +5,8 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib.metadata import EntryPoint, EntryPoints
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -35,6 +36,7 @@ from grader.exercises import (
 from grader.exercises.driving import recorder
 from grader.exercises.kinds.threshold import Threshold
 from grader.exercises.running import planning, runner
+from grader.exercises.running.diagnosing import describe_success
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
 from support.kinds import install_kinds
@@ -570,3 +572,15 @@ def largest_stable_timestep(model, integrator):
 """
     verdict = grade(SERVO, own, SEED)
     assert verdict.status in (Status.INCORRECT, Status.PARTIAL), verdict.diagnosis
+
+
+def test_two_cases_that_hold_are_both() -> None:
+    kind = cast(Any, SimpleNamespace(describe_success=lambda parameters, judged: ""))
+
+    def describe(*hidden: bool) -> str:
+        judged = cast(Any, [SimpleNamespace(hidden=one) for one in hidden])
+        return describe_success(kind, cast(Any, None), judged)
+
+    assert describe(False) == "The case holds."
+    assert describe(False, True) == "Both cases hold, the hidden one too."
+    assert describe(False, True, True) == "All 3 cases hold, the 2 hidden ones too."

@@ -105,6 +105,7 @@ def test_every_dot_leads_to_its_answer_and_every_mistake_to_its_learners(desk: P
 
     desk.goto(CLASS)
     family = desk.locator("details.family").first
+    expect(family.locator(".family-count")).to_have_text(re.compile(r"^\d+ still, \d+ no longer$"))
     still, was = (int(part.split()[0]) for part in family.locator(".family-count").inner_text().split(","))
     family.locator("summary").click()
     assert family.locator(".people a").count() == still + was

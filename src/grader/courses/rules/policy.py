@@ -242,7 +242,7 @@ def explain_refusal(
         return f"This quiz closed on {format_moment(closes)}."
     if left != 0:
         return None
-    spent = "The only attempt" if allowed == 1 else f"All {allowed} attempts"
+    spent = {1: "The only attempt", 2: "Both attempts"}.get(allowed or 0, f"All {allowed} attempts")
     return f"{spent} at this question {'is' if allowed == 1 else 'are'} used up."
 
 

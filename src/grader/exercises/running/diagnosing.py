@@ -114,6 +114,6 @@ def gather_evidence(judged: Sequence[AnyJudged]) -> Evidence:
 def describe_success(kind: AnyKind, parameters: ExerciseParameters, judged: Sequence[AnyJudged]) -> str:
     """Returns how many trials hold, and what the kind says of a right script."""
     hidden = sum(trial.hidden for trial in judged)
-    cases = "The case holds" if len(judged) == 1 else f"All {len(judged)} cases hold"
+    cases = {1: "The case holds", 2: "Both cases hold"}.get(len(judged), f"All {len(judged)} cases hold")
     also = f", the {hidden} hidden ones too" if hidden > 1 else ", the hidden one too" if hidden else ""
     return f"{cases}{also}. {kind.describe_success(parameters, judged)}".rstrip()
