@@ -57,7 +57,7 @@ def test_a_prompt_is_paragraphs(text: str, html: str) -> None:
         ),
         (
             "A servo of $k_p = {40}$ N m/rad holds a pendulum at 0.65 rad.",
-            "A servo of k_p = 40\u202fN\u00a0m/rad holds a pendulum…",
+            "A servo of kp = 40\u202fN\u00a0m/rad holds a pendulum…",
         ),
         (
             "Your arm holds every target in simulation. On the robot it hums.",
@@ -68,7 +68,11 @@ def test_a_prompt_is_paragraphs(text: str, html: str) -> None:
             "Why does the servo grow at 20\u202fms although…",
         ),
         ("(" * 60, "(" * 44 + "…"),
-        (r"Is $\mu = 0.4$ or $\Lambda_2 \le \lambda$?", r"Is μ = 0.4 or Λ_2 \le λ?"),
+        (r"Is $\mu = 0.4$ or $\Lambda_2 \le \lambda$?", "Is μ = 0.4 or Λ2 ≤ λ?"),
+        (
+            "A network holds an arm with 120 (1.2 − angle) − 45 rate in N m.",
+            "A network holds an arm with 120 (1.2 − angle…",
+        ),
     ],
 )
 def test_a_question_without_a_title_is_named_by_whole_words(text: str, short: str) -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grader.domain.pages.markup import plain_text
+from grader.domain.pages.markup import plain_text, spoken_text
 from grader.domain.pages.prose import (
     HTML_ATTRIBUTES,
     HTML_TAGS,
@@ -198,6 +198,9 @@ def test_a_label_is_plain_text() -> None:
     assert plain_text("Use <code>a &lt; b</code>") == "Use a < b"
     assert plain_text('<img src="a.png" alt=\'A &amp; B\'> <IMG alt="" src=x>') == "A & B"
     assert plain_text('<img src="a.png">') == ""
+    asked = "<p>What is wrong here?</p><pre>for i in range(10)</pre>"
+    assert plain_text(asked) == "What is wrong here? for i in range(10)"
+    assert spoken_text("A servo of $k_p = 51.6$, $x_{1}$, $\\frac{1}{2}$") == "A servo of kp = 51.6, x1, $\\frac{1}{2}$"
     assert plain_text("<img " * 20_000) is not None, "in linear time"
 
 

@@ -13,6 +13,8 @@ GREEK = re.compile(r"\\([A-Za-z][a-z]+)(?![A-Za-z])")
 LONE_BRACKET = re.compile(r"<(?!/?[A-Za-z][^<>$]*>|!--)")
 """A `<` that opens no tag. A tag holds no dollar sign: `$a<b$ and $c>d$` is TeX."""
 
+BLOCK = re.compile(r"</?(?:p|pre|div|br|li|ul|ol|dl|dt|dd|table|tr|td|th|h[1-6]|blockquote|figure)\b", re.IGNORECASE)
+"""What stands on lines of its own."""
 PICTURE = re.compile(r"""<img\s[^<>]{0,2000}?\balt\s*=\s*(?:"([^"<>]*)"|'([^'<>]*)')[^<>]{0,2000}>""", re.IGNORECASE)
 
 
@@ -20,7 +22,8 @@ def plain_text(markup: str) -> str:
     """Strip the tags of an HTML fragment, decode its entities and collapse white space; TeX stays as typed. A picture
     is its description. Parses the fragment as HTML5, in time quadratic in the depth of its nesting. Half a surrogate
     pair becomes a question mark."""
-    described = PICTURE.sub(lambda match: match[1] or match[2] or "", markup)
+    apart = BLOCK.sub(lambda match: f" {match[0]}", markup)
+    described = PICTURE.sub(lambda match: match[1] or match[2] or "", apart)
     fragment = LONE_BRACKET.sub("&lt;", described).encode(errors="replace").decode()
     return " ".join(html.unescape(nh3.clean(fragment, tags=set(), link_rel=None)).split())
 
@@ -35,12 +38,19 @@ def spoken_text(markup: str) -> str:
 
 
 def spell_formula(formula: re.Match[str]) -> str:
-    """Returns a formula of TeX as plain text: Greek letters in place of their commands, no braces."""
-    return GREEK.sub(spell_letter, re.sub(r"[{}]", "", formula[1]))
+    """Returns a formula of TeX as plain text: Greek letters in place of their commands, no braces, indices as in kp."""
+    return GREEK.sub(spell_letter, re.sub(r"[{}]|(?<=\w)_(?=[\w{])", "", formula[1]))
+
+
+SIGNS = {"le": "≤", "leq": "≤", "ge": "≥", "geq": "≥", "ne": "≠", "approx": "≈", "pm": "±", "cdot": "·", "times": "×",
+         "infty": "∞"}  # fmt: skip
+"""Commands of TeX that are one sign."""
 
 
 def spell_letter(command: re.Match[str]) -> str:
-    """Returns the Greek letter of a command of TeX; any other command as it is."""
+    """Returns the Greek letter or the sign of a command of TeX; any other command as it is."""
+    if command[1] in SIGNS:
+        return SIGNS[command[1]]
     name = command[1].replace("lambda", "lamda").replace("Lambda", "Lamda")  # as Unicode spells it
     try:
         return unicodedata.lookup(f"GREEK {'SMALL' if name.islower() else 'CAPITAL'} LETTER {name}")

@@ -8,7 +8,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from grader.domain.pages.markup import FORMULA, plain_text, spell_formula
+from grader.domain.pages.markup import FORMULA, plain_text, spell_formula, spoken_text
 from grader.library import Library
 from grader.questions import FORMS, Question, Quiz, kind_of, question_view
 from grader.questions.drawing import Drawable, is_drawn
@@ -17,7 +17,8 @@ from grader.web.text.numbers import NARROW, keep_unbroken
 from grader.web.text.prose import cached_prose
 
 DANGLING = re.compile(r"(?:\s*+\([^)]*+|\s++[\d.]++|[\s.,;:=+-])++$")
-ASIDE = re.compile(r"(?<=\w) \([^()]*\)")
+ASIDE = re.compile(r"(?<=[^\W\d_]{2}) \([^()]*\)")
+"""Brackets behind a word; behind a number or a letter they are a factor."""
 SHORT = 44
 """Characters of a question in the list of questions."""
 
@@ -45,7 +46,7 @@ def present_question(library: Library, quiz_id: str, question: Question) -> dict
     kind, view = kind_of(question), question_view(question)
     form = FORMS[view.get("takes", "python")]
     return view | {
-        "heading": keep_unbroken(plain_text(question.title or question.label or kind.heading(question))),
+        "heading": keep_unbroken(spoken_text(question.title or question.label or kind.heading(question))),
         "short": shorten_title(question.title or question.label, question.q),
         "prompt": render_prompt(question.q),
         "opening": render_opening(question.q),
@@ -84,7 +85,7 @@ def render_opening(text: str) -> Markup:
 def shorten_title(title: str | None, text: str) -> str:
     """Returns the title of a question, or the first words of its text. Kept, since parsing HTML takes long: most pages
     name every question."""
-    return keep_unbroken(plain_text(title or "") or shorten_text(plain_text(text)))
+    return keep_unbroken(spoken_text(title or "") or shorten_text(plain_text(text)))
 
 
 def list_titles(library: Library) -> dict[tuple[str, str], str]:
