@@ -83,6 +83,20 @@ def test_the_page_says_whose_the_numbers_are(shared_site: Site, ann: httpx.Clien
     assert (page.count(yours), page.count(everyone)) == (0, 2)
 
 
+def test_an_instructor_reads_answers_under_the_learners_own_numbers(shared_site: Site, ann: httpx.Client) -> None:
+    teacher, me = shared_site.anonymous(), ann.get(f"{API}/me").json()
+    with shared_site.app.state.services.database.write() as session:
+        code = create_sign_in_code(session, "tina", "instructor", course=me["course"])
+        teacher.cookies.set(COOKIE, redeem_sign_in_code(session, code).secret)
+    made = ann.post(f"{API}/submissions", json={"quiz": QUIZ, "question": "rest", "answer": "0.7 rad"})
+    assert made.status_code == 201
+    asked = next(one["q"] for one in ann.get(f"{API}/quizzes/{QUIZ}").json()["questions"] if one["id"] == "rest")
+    kp = re.search(r"k_p = \{?([\d.]+)", asked)
+    assert kp
+    page = teacher.get(f"/instructor/learners/{me['id']}")
+    assert f"A servo of kp = {kp[1]}" in page.text
+
+
 def test_a_slip_is_named_by_the_learners_own_key(ann: httpx.Client) -> None:
     verdict = answer(ann, 2 * right_at(angle_in(asked(ann))))["verdict"]
     assert "factor of two" in (verdict["diagnosis"] or "")

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from fastapi import Query, Request
 from fastapi.responses import Response
 
+from grader.courses.people.identity import Identity, Role
 from grader.courses.people.namesakes import make_marks
 from grader.courses.reviewing.blinding import find_unseen, hide_names
 from grader.errors import NotFound
@@ -54,7 +55,8 @@ def story(
     given = [(row.quiz, row.question, None if row.id in seen.names else attempt) for row, attempt in shown]
     cells = {at: make_cell(result, unseen) for at, result in counts.items()}
     name = member.name if member is not None else rows[0].user
-    parts = group_answers(desk.library, given, cells, averaged)
+    posed = services.library_for(Identity(learner, "", Role.STUDENT, who.course))
+    parts = group_answers(posed, given, cells, averaged)
     following = rows[ANSWERS - 1].id if len(rows) > ANSWERS else None
     counted = [result for result in counts.values() if not is_in(unseen, result) and (result.is_final or result.points)]
     total = (sum(result.points for result in counted), sum(result.max_points for result in counted))
