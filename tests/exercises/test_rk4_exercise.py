@@ -322,7 +322,10 @@ def test_a_second_exercise_is_json_alone(jail: Jail) -> None:
         ({"cases": [{"id": "a", "model": "double_pendulum", "start": {"qpos": [1]}}]}, "check.cases.0"),
         ({"cases": [{"id": "a", "model": "double_pendulum", "start": {"key": "none"}}]}, "check.cases.0"),
         ({"cases": [{"id": "a", "xml": "<mujoco>"}]}, "check.cases.0"),
-        ({"cases": [{"id": "a", "model": "double_pendulum", "set": {"upper mass": [-1, 1]}}]}, "check.cases.0"),
+        (
+            {"cases": [{"id": "a", "model": "double_pendulum", "set": {"upper mass": [-1, 1]}}]},
+            "check.cases.0.set.upper mass",
+        ),
         (
             {"cases": [{"id": "a", "model": "double_pendulum", "set": {"upper mass": [1, -1]}}]},
             "check.cases.0.set.upper mass",

@@ -71,7 +71,7 @@ def test_a_prompt_is_paragraphs(text: str, html: str) -> None:
         (r"Is $\mu = 0.4$ or $\Lambda_2 \le \lambda$?", "Is μ = 0.4 or Λ2 ≤ λ?"),
         (
             "A network holds an arm with 120 (1.2 − angle) − 45 rate in N m.",
-            "A network holds an arm with 120 (1.2 − angle…",
+            "A network holds an arm with…",
         ),
     ],
 )
