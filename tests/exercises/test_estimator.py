@@ -56,7 +56,7 @@ def test_a_verdict_has_a_finding_for_each_number_with_its_share_and_tables(envir
     assert (findings["seen.stiffness"]["passed"], findings["seen.damping"]["passed"]) == (True, False)
     low, high = (round(100 * end) for end in bound_share(0, 10))
     assert f"Found in 0 of 10 recordings (95 % interval: {low} to {high} %)" in findings["seen.damping"]["message"]
-    assert findings["a.damping"]["measured"] is None
+    assert findings["hidden-1.damping"]["measured"] is None
     assert verdict["points"] == 2
     (table,) = verdict["evidence"]["tables"]
     assert table["head"] == ["recording", "stiffness", "damping"]

@@ -112,7 +112,7 @@ def test_each_part_is_a_finding_with_its_points(grade: Callable[[str], Verdict])
     verdict = grade(RIGHT)
     assert verdict.status is Status.CORRECT, verdict.diagnosis
     assert [(finding.id, finding.points) for finding in verdict.findings] == [
-        ("seen.near", 3), ("seen.soon", 1), ("unseen.near", 3), ("unseen.soon", 1),
+        ("seen.near", 3), ("seen.soon", 1), ("hidden-1.near", 3), ("hidden-1.soon", 1),
     ]  # fmt: skip
     assert [finding.title for finding in verdict.findings][2] == "hidden case 1: the last guess"
 

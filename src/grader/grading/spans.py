@@ -4,7 +4,6 @@ import ast
 import re
 
 from grader.domain.verdict import Span, Verdict
-from grader.exercises.explaining.script import ParsedScript
 
 NAMED_LINE = re.compile(r"\bline (\d{1,5}) of your script\b|^Line (\d{1,5}) raised\b|\bThe loop in line (\d{1,5}) \(")
 """How the sentences on crashes, on time that ran out and on handled exceptions name a line."""
@@ -28,6 +27,8 @@ def read_named_line(sentence: str) -> int:
 def find_span(source: str, line: int) -> Span | None:
     """Returns the span of the innermost simple statement on a line, of a compound one its first line; None for a script
     that cannot be parsed or is too long to be read, or a line without a statement."""
+    from grader.exercises.explaining.script import ParsedScript  # which a command that grades a choice does not need
+
     tree = ParsedScript(source).tree
     if tree is None:
         return None
