@@ -261,6 +261,17 @@ def list_changed(session: Session, item: RegradeItem) -> dict[str, tuple[Status,
 
 
 def is_same(old: Mapping[str, Any] | None, new: Verdict) -> bool:
-    """Says whether a stored verdict says what the new one says: status, points, findings, evidence and explanation."""
+    """Says whether a stored verdict says what the new one says: status, points, findings, evidence and explanation. The
+    ids of findings say nothing: those of hidden cases were others in older versions."""
     fields = new.model_dump(mode="json")
-    return old is not None and all(old.get(name) == value for name, value in fields.items() if name not in VOLATILE)
+    return old is not None and all(
+        drop_ids(old.get(name)) == drop_ids(value) for name, value in fields.items() if name not in VOLATILE
+    )
+
+
+def drop_ids(value: Any) -> Any:
+    """Returns findings without their ids; anything else as it is."""
+    if not isinstance(value, list):
+        return value
+    return [{name: part for name, part in each.items() if name != "id"} if isinstance(each, dict) else each
+            for each in value]  # fmt: skip
