@@ -19,6 +19,7 @@ from grader.api.paging import read_cursor
 from grader.courses.people.rosters.roster import read_roster
 from grader.courses.rules.csv_cells import FORMULA
 from grader.domain.lab import LabConfig
+from grader.domain.pages.markup import plain_text
 from grader.errors import GraderError
 from grader.exercises.explaining.places import find_test
 from grader.exercises.explaining.script import ParsedScript
@@ -123,6 +124,7 @@ RULES: dict[str, tuple[Callable[[Any], Any], dict[str, Make]]] = {
             "depth": lambda n: "<div>" * (n // 10) + "</b>" * (n // 8),
         },
     ),
+    "plain text": (plain_text, {"pictures": repeated("<img "), "descriptions": repeated("alt='", "<img ")}),
     "choice": (lambda text: read_answer(CHOICE, text), {unit: repeated(unit) for unit in TYPED + TAGS}),
     "number": (lambda text: read_answer(NUMBER, text), {unit: repeated(unit) for unit in TYPED}),
     "open": (lambda text: read_answer(OPEN, text), {unit: repeated(unit) for unit in TYPED}),

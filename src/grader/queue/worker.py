@@ -98,8 +98,8 @@ class Worker:
 
     A job that fails, or whose worker dies, goes back to the queue and is tried again as `retries` says. While the
     database is away, the worker waits for it; the outcomes of jobs in progress are stored when it is back, and a lost
-    session is no try. `stop_job`
-    is called with the subject of a job that is to stop, again and again until the job has an outcome."""
+    session is no try. `stop_job` is called with the subject of a job that is to stop, again and again until the job has
+    an outcome."""
 
     database: Database
     tasks: Mapping[str, Task]
