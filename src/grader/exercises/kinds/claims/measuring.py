@@ -1,7 +1,7 @@
 """Measures the claims of a case, as answer keys are: at the model's own timestep, at ever shorter ones until the limit
 is known, and from nudged starts. A run is shared by the claims that it serves, and what was measured is kept."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import Any
@@ -161,15 +161,33 @@ def measure_own(bench: Bench, index: int) -> Floats:
 
 
 def rehearse_claims(problem: Problem) -> None:
-    """Raises WrongParameters where claims have no number at the model's own timestep."""
+    """Raises WrongParameters where claims have no number at the model's own timestep, or where what learners may give
+    in its place has none."""
     bench, errors = Bench(problem), list[WrongParameter]()
-    for index in range(len(problem.claims)):
+    for index, claim in enumerate(problem.claims):
         try:
             measure_own(bench, index)
         except (RegimeFailure, LabRefused, VerifyError) as error:
             errors.append(WrongParameter(*place_error(index, error)))
+        else:
+            errors += check_wrong_readings(problem, index, claim)
     if errors:
         raise WrongParameters(errors)
+
+
+def check_wrong_readings(problem: Problem, index: int, claim: Claim) -> Iterator[WrongParameter]:
+    """Yields what is wrong with the expressions that learners may read in place of a claim."""
+    exprs = {f"instead.{at}.expr": other.expr for at, other in enumerate(claim.instead)}
+    if claim.formula is not None:
+        exprs["formula.expr"] = claim.formula.expr
+    for key, expr in exprs.items():
+        try:
+            _, series = read_series(problem.list_experiments(claim)[0], [expr], SAME)
+        except VerifyError as error:
+            yield WrongParameter(f"claims.{index}.{key}", str(error))
+        else:
+            if not np.isfinite(series[0]).all():
+                yield WrongParameter(f"claims.{index}.{key}", "it gives no finite number at the start")
 
 
 def measure_claims(problem: Problem) -> tuple[MeasuredClaim, ...]:

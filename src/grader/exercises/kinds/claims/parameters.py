@@ -30,6 +30,9 @@ Floats = NDArray[np.float64]
 CLAIMS_MAX = 12
 """Most claims of an exercise: each is a finding that a learner reads."""
 
+OTHERS_MAX = 10
+"""Most readings that a claim is compared with: each may be a run of its own."""
+
 POINTS_MAX = 20
 """Most points of a curve: each is a run of its own where it has `apply`."""
 
@@ -41,6 +44,14 @@ class Formula(Strict):
     expr: Expression
     text: str = Field(min_length=1)
     why: str = Field(min_length=1)
+
+
+class OtherReading(Strict):
+    """What learners may measure in place of `expr`: another expression, and `what` it is, as in "the speed of the tip,
+    in m/s"."""
+
+    expr: Expression
+    what: str = Field(min_length=1)
 
 
 class Claim(Window, Strict):
@@ -70,6 +81,7 @@ class Claim(Window, Strict):
     timestep: Literal["both", "any", "given"] = "both"
     fastest: Positive | None = None
     formula: Formula | None = None
+    instead: tuple[OtherReading, ...] = Field(default=(), max_length=OTHERS_MAX)
 
     @model_validator(mode="after")
     def _check_parts(self) -> Self:

@@ -1,12 +1,14 @@
 """The known mistakes of a measurement: each rule yields what a claim is under it, with the sentence for the learner. No
 sentence holds a number of the case; `{label}` stands for the name of the claim."""
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import log, pi
 
 import numpy as np
 
-from grader.domain.quantities import TIMES, QuantityName
+from grader.domain.quantities import BASE_UNITS, TIMES, QuantityName
+from grader.exercises.kinds.claims.measuring import STEPS_MAX
 from grader.exercises.kinds.claims.parameters import Floats
 from grader.exercises.kinds.claims.wrong_values import Scene
 from grader.experiments.runs import Variant
@@ -31,8 +33,9 @@ INSTEAD: Mapping[QuantityName, Sequence[tuple[QuantityName, str]]] = {
     "max": (("min", "the smallest value, not the largest"), ("final", "the value at the end, not the largest"),
             ("peak_to_peak", "the distance from the lowest to the highest value, not the highest"),
             ("amplitude", "half the distance from the lowest to the highest value, not the highest"),
-            ("rms", "an effective value (rms), not the largest")),
-    "min": (("max", "the largest value, not the smallest"), ("final", "the value at the end, not the smallest")),
+            ("rms", "an effective value (rms), not the largest"), ("mean", "the mean over the run, not the largest")),
+    "min": (("max", "the largest value, not the smallest"), ("final", "the value at the end, not the smallest"),
+            ("mean", "the mean over the run, not the smallest")),
     "mean": (("final", "the value at the end, not the mean"), ("max", "the largest value, not the mean"),
              ("rms", "an effective value (rms), not the mean")),
     "rms": (("amplitude", "the amplitude, not the effective value (rms)"), ("max", "the largest value, not the rms"),
@@ -66,6 +69,7 @@ FACTORS: Mapping[QuantityName, Sequence[tuple[Callable[[Floats], Floats], str]]]
         (lambda right: log(2) / right, "the half-life, not the rate"),
         (lambda right: 2 * right, "twice the rate, as energies decay: the motion itself decays at half of it"),
         (lambda right: right / 2, "half the rate"),
+        (lambda right: right / log(10), "computed with logarithms to the base 10: take the natural one, `np.log`"),
     ),
     "amplitude": ((lambda right: right / 2, "half the amplitude"),),
 }  # fmt: skip
@@ -82,18 +86,27 @@ NOT_RESET = (
     "each measurement."
 )
 
+WAVE = re.compile(r"\b(sin|cos)\(\s*([\d.]+)\s*\*\s*data\.time")
+WAVE_IN_HERTZ = re.compile(r"\b(sin|cos)\(\s*2\s*\*\s*Math\.PI\s*\*\s*([\d.]+)\s*\*\s*data\.time")
+"""Drives by an angular frequency, and by a frequency."""
+
+LENGTHS = (0.1, 0.5, 2.0, 10.0)
+"""Lengths of other runs, over the one that is asked for."""
+
 COARSER = (0.5, 0.2, 0.1)
 FINER = (2.0, 4.0, 10.0, 0.5, 0.1)
 
 
 def is_formula(scene: Scene) -> Found:
-    """The author's formula in place of a measurement."""
+    """The author's formula in place of a measurement, or a measurement of something else that the author names."""
     formula = scene.claim.formula
     if formula is not None:
         yield (
             f"{{label}} is what {formula.text} gives. {formula.why}",
             (scene.read_first(formula.expr)),
         )
+    for other in scene.claim.instead:
+        yield f"{{label}} is {other.what}.", scene.measure_as(scene.claim.quantity, expr=other.expr)
 
 
 def is_another_claim(scene: Scene) -> Found:
@@ -116,6 +129,28 @@ def is_related_number(scene: Scene) -> Found:
     for change, what in FACTORS.get(scene.claim.quantity, ()):
         with np.errstate(all="ignore"):
             yield f"{{label}} is {what}.", change(scene.right)
+    if scene.claim.quantity == "decay_rate":
+        yield from is_other_measure_of_damping(scene)
+    if scene.claim.quantity in ("period", "frequency"):
+        yield from miscounts_periods(scene)
+
+
+def is_other_measure_of_damping(scene: Scene) -> Found:
+    """The decay from one peak to the next, or the damping ratio, in place of a rate."""
+    frequency = scene.measure_as("frequency")
+    if frequency is not None:
+        yield "{label} is the decay from one peak to the next: divide it by the period.", scene.right / frequency
+        turning = np.hypot(2 * pi * frequency, scene.right)
+        yield "{label} is the damping ratio: multiply it by the natural frequency, in rad/s.", scene.right / turning
+
+
+def miscounts_periods(scene: Scene) -> Found:
+    """The time of all periods over the number of crossings, which is one more."""
+    counts = scene.measure_as("crossings")
+    if counts is not None and counts.min() > 1:
+        share = (counts / scene.claim.scale - 1) / (counts / scene.claim.scale)
+        right = scene.right * share if scene.claim.quantity == "period" else scene.right / share
+        yield "{label} counts one period too many: between n crossings lie n - 1.", right
 
 
 def has_transient(scene: Scene) -> Found:
@@ -131,9 +166,9 @@ def is_other_quantity(scene: Scene) -> Found:
     """Another quantity of the same run."""
     for name, what in INSTEAD.get(scene.claim.quantity, ()):
         yield f"{{label}} is {what}.", scene.measure_as(name)
-    if scene.claim.quantity == "settling" and scene.claim.level is not None:
+    if scene.claim.quantity == "settling" and (level := find_level(scene)) is not None:
         for direction in ("down", "up"):
-            level, band = scene.claim.level, scene.claim.band or 0.0
+            band = scene.claim.band or 0.0
             edge = level + band if direction == "down" else level - band
             yield (
                 "{label} is the first time within the band: the motion leaves it again. Take the last time outside.",
@@ -141,6 +176,76 @@ def is_other_quantity(scene: Scene) -> Found:
             )
     if scene.claim.quantity != "trace":
         yield "{label} is the value at the start: nothing was simulated.", scene.read_first(scene.claim.expr)
+
+
+def is_other_width(scene: Scene) -> Found:
+    """Another measure of how far a motion spreads."""
+    claim = scene.claim
+    if claim.quantity not in ("amplitude", "peak_to_peak"):
+        return
+    rms, mean = scene.measure_as("rms"), scene.measure_as("mean")
+    if rms is not None and mean is not None:
+        yield "{label} is the standard deviation of the values.", np.sqrt(np.maximum(rms**2 - mean**2, 0.0))
+    first, last = scene.read_first(claim.expr), scene.measure_as("final", since=0.0)
+    if first is not None and last is not None:
+        yield (
+            "{label} is the difference between the first value and the last: the extremes lie between.",
+            np.abs(last - claim.scale * first),
+        )
+
+
+def find_level(scene: Scene) -> float | None:
+    """Returns the level about which a motion settles: that of the claim, or where its only run ends."""
+    if scene.claim.level is not None:
+        return scene.claim.level
+    last = scene.measure_as("final")
+    return float(last[0]) / scene.claim.scale if last is not None and len(last) == 1 else None
+
+
+def is_relative(scene: Scene) -> Found:
+    """A share of the first value, or the change since then."""
+    first = scene.read_first(scene.claim.expr)
+    if first is None or scene.claim.quantity in BASE_UNITS or scene.claim.quantity == "trace":
+        return
+    first = scene.claim.scale * first
+    with np.errstate(all="ignore"):
+        yield (
+            "{label} is relative to the first value: it is asked for as it is, in its unit.",
+            scene.right / np.abs(first),
+        )
+    if scene.claim.quantity != "peak_to_peak":
+        sentence = "{label} is the change since the start: the value itself is asked for."
+        yield sentence, scene.right - first
+        yield sentence, np.abs(scene.right - first)
+
+
+def is_of_another_length(scene: Scene) -> Found:
+    """A run that is shorter or longer than the one that is asked for."""
+    claim = scene.claim
+    seconds = claim.seconds or scene.problem.seconds
+    steps = seconds / scene.timestep_s * len(scene.right)
+    for length in LENGTHS:
+        if claim.quantity != "trace" and claim.since < length * seconds and length * steps <= STEPS_MAX:
+            size = "longer" if length > 1 else "shorter"
+            yield (
+                f"{{label}} is what a run gives that is {size} than asked: count its steps.",
+                scene.measure_as(claim.quantity, until=None, seconds=length * seconds),
+            )
+
+
+def has_other_drive(scene: Scene) -> Found:
+    """A drive whose angular frequency was taken for a frequency, or the other way round."""
+    drive = scene.claim.controller or ""
+    if WAVE_IN_HERTZ.search(drive):
+        yield (
+            "{label} is that of a drive without the 2π: its frequency is in Hz, and the sine wants radians.",
+            scene.read(controller=WAVE_IN_HERTZ.sub(r"\1(\2 * data.time", drive)),
+        )
+    elif WAVE.search(drive):
+        yield (
+            "{label} is that of a drive with a 2π too many: the number beside the time is in rad/s already.",
+            scene.read(controller=WAVE.sub(r"\1(2 * Math.PI * \2 * data.time", drive)),
+        )
 
 
 def has_wrong_sign(scene: Scene) -> Found:
@@ -211,11 +316,24 @@ def has_other_timestep(scene: Scene) -> Found:
                 "{label} is what another timestep gives: it is asked for at the timestep of the model.",
                 scene.read(variant=Variant(finer=finer)),
             )
+        yield from has_steps_of_another_size(scene)
         return
     coarse = "{label} is what a timestep gives that is too long: shorten it until the number no longer changes."
     yield coarse, scene.measured.own
     for finer in COARSER:
         yield coarse, scene.read(variant=Variant(finer=finer))
+
+
+def has_steps_of_another_size(scene: Scene) -> Found:
+    """As many steps as are asked for, of another timestep."""
+    seconds = scene.claim.seconds or scene.problem.seconds
+    for finer in FINER if scene.claim.since == 0 else ():
+        changed = scene.claim.model_copy(update={"seconds": seconds / finer, "until": None})
+        if finer >= 1 or seconds / finer / scene.timestep_s * len(scene.right) <= STEPS_MAX:
+            yield (
+                "{label} is what as many steps of another timestep give: it is asked for at the timestep of the model.",
+                scene.read(changed, Variant(finer=finer)),
+            )
 
 
 def is_one_step_off(scene: Scene) -> Found:
@@ -245,7 +363,8 @@ def is_multiple(scene: Scene) -> Found:
 
 RULES: Sequence[Callable[[Scene], Found]] = (
     is_formula, has_other_integrator, is_another_claim, is_in_other_unit, is_related_number, has_transient,
-    is_other_quantity, has_wrong_sign, is_mixed_up, is_other_crossing, counts_steps, has_other_start, misses_reset,
-    reads_other_sensor, has_other_timestep, is_one_step_off, is_multiple,
+    is_other_quantity, is_other_width, has_wrong_sign, is_mixed_up, is_other_crossing, counts_steps, has_other_start,
+    misses_reset, reads_other_sensor, has_other_drive, is_relative, has_other_timestep, is_one_step_off,
+    is_of_another_length, is_multiple,
 )  # fmt: skip
 """In this order: what is most likely and most telling first."""

@@ -24,13 +24,15 @@ ROWS_MIN = 12
 @dataclass(frozen=True)
 class FittedLaw:
     """Controls = observed now (or a step before) times `gains`, plus `difference` times their change, plus `integral`
-    times the sum of errors over time [1/s], plus a `constant`."""
+    times the sum of errors over time [1/s], plus `gravity` times what holds the model against gravity, plus a
+    `constant`."""
 
     gains: Floats
     difference: Floats
     integral: float
     stale: bool
     constant: float
+    gravity: float = 0.0
 
     @property
     def differentiates(self) -> bool:
@@ -38,10 +40,12 @@ class FittedLaw:
         return bool(np.any(np.nan_to_num(self.difference)))
 
 
-def fit_law(record: Record, *, track: int, has_target: bool, fits: float = EXACT) -> FittedLaw | None:
+def fit_law(
+    record: Record, *, track: int, has_target: bool, fits: float = EXACT, load: Floats | None = None
+) -> FittedLaw | None:
     """Returns the simplest law that explains a share `fits` of the variance of the first control; None if none does.
-    `track` is the place of the tracked sensor in what was observed. Only controls between their extremes are looked at:
-    a script may clip its own."""
+    `track` is the place of the tracked sensor in what was observed, `load` the control that holds the model against
+    gravity at each moment. Only controls between their extremes are looked at: a script may clip its own."""
     if len(record.time_s) < ROWS_MIN:
         return None
     seen, asked = record.observed, record.asked[:, 0]
@@ -51,19 +55,23 @@ def fit_law(record: Record, *, track: int, has_target: bool, fits: float = EXACT
     free = find_free(asked)
     width = seen.shape[1]
     none = np.empty((len(seen), 0))
-    for base, change, integral in (
-        (seen, none, none),
-        (before, none, none),
-        (seen, none, sums),
-        (seen, seen - before, none),
-        (seen, seen - before, sums),
+    loads = none if load is None else load[:, None]
+    for base, change, integral, gravity in (
+        (seen, none, none, none),
+        (before, none, none, none),
+        (seen, none, none, loads),
+        (seen, none, sums, none),
+        (seen, none, sums, loads),
+        (seen, seen - before, none, none),
+        (seen, seen - before, sums, none),
     ):
-        solved = solve(np.hstack((base, change, integral)), asked, free, fits)
+        solved = solve(np.hstack((base, change, gravity, integral)), asked, free, fits)
         if solved is not None:
             gains, constant = solved
             changes = np.nan_to_num(gains[width : width + change.shape[1]])
+            carried = float(np.nan_to_num(gains[width + change.shape[1]])) if gravity.size else 0.0
             summed = float(np.nan_to_num(gains[-1])) if integral.size else 0.0
-            return FittedLaw(gains[:width], changes, summed, base is before, constant)
+            return FittedLaw(gains[:width], changes, summed, base is before, constant, carried)
     return None
 
 

@@ -2,8 +2,11 @@
 which episodes fail. No sentence has a number."""
 
 from collections.abc import Iterator, Sequence
-from math import degrees
+from dataclasses import replace
+from itertools import combinations
+from math import degrees, isclose
 
+import mujoco
 import numpy as np
 
 from grader.exercises.episodes.goals import measure_saturation, switches_ends
@@ -42,7 +45,11 @@ UNUSED = 0.1
 """What the least sensible gain would move of the controls at least, where a rough law tells that there is none."""
 
 NEAR = 0.05
-"""How far an aim may be from where the target would be in degrees, relative to that."""
+"""How far an aim may be from where the target would be in degrees, or a factor from a known one, relative to that."""
+
+QUICK = 0.1
+"""The gain on the sum of errors over that on the error, in control periods: a sum that outgrows the error within ten
+periods lacks the period as a factor."""
 
 SATURATED = 0.5
 """The share of time at the actuator's limit that counts as most of it."""
@@ -84,6 +91,16 @@ WIND_UP = (
     "later. Stop the sum there, or limit it."
 )
 SUM_SIGN = "The sum of the errors acts with the wrong sign: it pushes away from the target."
+SUM_OF_STEPS = (
+    "The sum of the errors is far too strong beside the error itself: multiply each error by the control period before "
+    "you add it."
+)
+SWAPPED = "The controls take {one} for {other}: mind the order of what is observed."
+GRAVITY_SIGN = (
+    "The term that should carry gravity has the wrong sign: it pulls as gravity does. `data.qfrc_bias` is what holds "
+    "the model still: add it."
+)
+GRAVITY_TWICE = "The controls carry gravity twice: `data.qfrc_bias` is what holds the model still, so add it once."
 SATURATES = (
     "Most of the time the controls are beyond what the actuator gives: it switches from one end to the other. Lower "
     "the gains."
@@ -182,7 +199,8 @@ def find_sentences(parameters: ControllerParameters, judged: Judged, record: Rec
         yield HELD if limited else NOTHING
         return
     track = find_columns(parameters, judged.problem)[parameters.track]
-    law = fit_law(record, track=track, has_target=parameters.has_target)
+    load = measure_load(judged.problem, record)
+    law = fit_law(record, track=track, has_target=parameters.has_target, load=load)
     rough = law or fit_law(record, track=track, has_target=parameters.has_target, fits=ROUGH)
     if aims_in_degrees(parameters, judged.problem, record, rough):
         yield TARGET_DEGREES
@@ -206,11 +224,61 @@ def find_in_law(parameters: ControllerParameters, problem: Problem, record: Reco
         yield STALE
     if law.differentiates and any(record.episode.noise.values()):
         yield NOISE
+    yield from find_wrong_load(law)
+    yield from find_swapped(parameters, problem, law)
     yield from find_wrong_gains(parameters, problem, law)
     if law.integral * law.gains[track] > 0 and measure_shares(record, law)[track] > SAME:
         yield SUM_SIGN
+    if sums_steps(parameters, record, law, track):
+        yield SUM_OF_STEPS
     if law.integral and find_beyond(problem, record) > 0.05:
         yield WIND_UP
+
+
+def sums_steps(parameters: ControllerParameters, record: Record, law: FittedLaw, track: int) -> bool:
+    """Whether a sum of errors outgrows a sensible gain on the error within a few control periods."""
+    allowed, gain = parameters.law.get(parameters.track), float(law.gains[track])
+    if allowed is None or classify_gain(gain, *allowed, differentiated=law.differentiates) or not np.isfinite(gain):
+        return False
+    return bool(abs(law.integral) * (record.time_s[1] - record.time_s[0]) > QUICK * abs(gain))
+
+
+def find_wrong_load(law: FittedLaw) -> Iterator[str]:
+    """Yields what is wrong with the term that carries gravity."""
+    if isclose(law.gravity, -1, rel_tol=NEAR):
+        yield GRAVITY_SIGN
+    elif isclose(law.gravity, 2, rel_tol=NEAR):
+        yield GRAVITY_TWICE
+
+
+def find_swapped(parameters: ControllerParameters, problem: Problem, law: FittedLaw) -> Iterator[str]:
+    """Yields the two observed numbers whose gains are wrong, and sensible were the one the other."""
+    columns = find_columns(parameters, problem)
+    wrong = [*find_wrong_gains(parameters, problem, law)]
+    for one, other in combinations(parameters.law, 2) if wrong else ():
+        gains, pair = law.gains.copy(), [columns[one], columns[other]]
+        gains[pair] = gains[pair[::-1]]
+        if np.isfinite(gains[pair]).all() and not any(find_wrong_gains(parameters, problem, replace(law, gains=gains))):
+            yield SWAPPED.format(one=one, other=other)
+
+
+def measure_load(problem: Problem, record: Record) -> Floats | None:
+    """Returns the first control that holds the model, as the learner has it, against gravity in each period; None where
+    that control acts on no joint of one number."""
+    model = problem.model
+    joint, gear = model.actuator_trnid[0, 0], model.actuator_gear[0, 0]
+    if model.actuator_trntype[0] != int(mujoco.mjtTrn.mjTRN_JOINT) or not gear:
+        return None
+    if model.jnt_type[joint] < int(mujoco.mjtJoint.mjJNT_SLIDE):  # a free or a ball joint
+        return None
+    data, loads, forces = mujoco.MjData(model), np.empty(len(record.qpos)), np.empty(model.nv)
+    for index, qpos in enumerate(record.qpos):
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_rne(model, data, 0, forces)
+        loads[index] = forces[model.jnt_dofadr[joint]] / gear
+    return loads
 
 
 def find_in_rough_law(
