@@ -253,6 +253,17 @@ def test_nothing_that_is_measured_enters_the_jail(pipeline: Pipeline) -> None:
         ({"claims": [{**RATE, "direction": "down"}]}, "check.claims.0", "only with crossing, crossings"),
         ({"claims": [{**RATE, "count": 3}]}, "check.claims.0", "remove `count`: with quantity decay_rate"),
         ({"claims": [{**RATE, "band": 0.1}]}, "check.claims.0", "only with settling"),
+        (
+            {"claims": [{**RATE, "instead": [{"expr": "data.qvel[9]", "what": "no"}]}]},
+            "claims.0.instead.0.expr",
+            "finite",
+        ),
+        ({"claims": [{**RATE, "instead": [{"expr": "nothing(", "what": "no"}]}]}, "claims.0.instead.0.expr", ""),
+        (
+            {"claims": [{**RATE, "formula": {"expr": "1 / 0", "text": "-", "why": "No."}}]},
+            "claims.0.formula.expr",
+            "finite",
+        ),
         ({"claims": [RATE], "seconds": 1}, "check.claims.0", "no decay rate"),
         ({"claims": [RATE], "seconds": 60}, "check.seconds", "20000 steps"),
         ({"claims": [RATE], "controller": 1}, "check.controller", ""),

@@ -2,6 +2,7 @@
 differences, or of the sum of errors. A law that fits to rounding is taken for the student's own."""
 
 from dataclasses import dataclass
+from math import isclose
 
 import numpy as np
 
@@ -16,6 +17,13 @@ ROUGH = 0.99
 CANCELS = 30.0
 """Parts of a law that are larger than the controls by this factor cancel each other: what was observed moves together,
 and leaves the gains open."""
+
+CARRIED = (-1, 1, 2)
+"""How often a law adds what holds the model against gravity. Another factor is that of a law about something else, such
+as the acceleration."""
+
+ROUNDS = 1e-3
+"""How far such a factor may be off, relatively: by rounding, and by forces of the motion."""
 
 ROWS_MIN = 12
 """Fewer controls than this tell no law."""
@@ -70,6 +78,8 @@ def fit_law(
             gains, constant = solved
             changes = np.nan_to_num(gains[width : width + change.shape[1]])
             carried = float(np.nan_to_num(gains[width + change.shape[1]])) if gravity.size else 0.0
+            if carried and not any(isclose(carried, known, rel_tol=ROUNDS) for known in CARRIED):
+                continue
             summed = float(np.nan_to_num(gains[-1])) if integral.size else 0.0
             return FittedLaw(gains[:width], changes, summed, base is before, constant, carried)
     return None
