@@ -2,10 +2,10 @@
 and one that does what the student's model does tells which it is."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from inspect import getsource
-from itertools import islice
+from itertools import combinations, islice
 
 from grader.domain.run import Job, Limits, RunReport, RunStatus
 from grader.exercises.driving.embedding import compile_code
@@ -31,6 +31,9 @@ MISSING = re.compile(
 """The begin of a sentence on an attribute that a variant leaves out."""
 
 SAME_MODEL = "The model does not depend on all of the numbers that the function gets."
+EXCHANGED = "The function takes {one} for {other}: mind the order of its arguments."
+PAIRS_MAX = 10
+"""Pairs of numbers that may be exchanged: of five numbers all."""
 
 Judged = Sequence[JudgedTrial[Problem, ModelOutcome]]
 
@@ -57,7 +60,7 @@ def find_mistake(judged: Judged, run: Callable[[Job], RunReport]) -> Mistake | N
     catalogues = [list(islice(list_variants(text), most)) for text in texts]
     if len({len(catalogue) for catalogue in catalogues}) != 1:
         return None
-    rows = list(zip(*catalogues, strict=True))
+    rows = [*list_exchanged(judged, texts), *zip(*catalogues, strict=True)]
     if len(texts) > 1:
         rows.insert(0, (Variant(texts[0], SAME_MODEL),) * len(texts))
     trials = [
@@ -75,6 +78,19 @@ def find_mistake(judged: Judged, run: Callable[[Job], RunReport]) -> Mistake | N
     variant = rows[match][0]
     source = judged[0].script.source
     return Mistake(tell_written(variant.sentence, source, variant), find_line(source, variant))
+
+
+def list_exchanged(judged: Judged, texts: Sequence[str]) -> Iterator[tuple[Variant, ...]]:
+    """Yields, for each two numbers that a function gets, the references in which one stands for the other."""
+    problems = {trial.problem.reference: trial.problem for trial in judged}
+    numbers = [problems[text].numbers for text in texts]
+    shared = [name for name in numbers[0] if all(name in each for each in numbers)]
+    for one, other in islice(combinations(shared, 2), PAIRS_MAX):
+        sentence = EXCHANGED.format(one=one, other=other)
+        yield tuple(
+            Variant(problems[text].write({**drawn, one: drawn[other], other: drawn[one]}), sentence)
+            for text, drawn in zip(texts, numbers, strict=True)
+        )
 
 
 def tell_written(sentence: str, source: str, variant: Variant) -> str:

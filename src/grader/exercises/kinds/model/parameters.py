@@ -2,7 +2,7 @@
 
 import ast
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Self
 
@@ -95,10 +95,12 @@ class ModelParameters(ExerciseParameters):
 @dataclass(frozen=True, eq=False)
 class Problem:
     """The goals of one case, and what the measuring program gets: the MJCF of the reference, with the drawn numbers,
-    and where a run begins."""
+    and where a run begins. `numbers` are those drawn, `write` makes the reference with others."""
 
     case: ModelCase
     measured: Mapping[str, Any]
+    numbers: Mapping[str, float]
+    write: Callable[[Mapping[str, float]], str]
 
     @property
     def reference(self) -> str:
@@ -109,9 +111,12 @@ class Problem:
 def pose_case(parameters: ModelParameters, drawn: DrawnCase[ModelCase]) -> Problem:
     """Returns the problem of one case. Raises WrongParameter, ValueError and GraderError."""
     case = drawn.case
-    xml = drawn.content.text_of(parameters.reference)
-    if drawn.numbers:
-        xml = write_numbers(xml, parameters.numbers, drawn.numbers)
+    text = drawn.content.text_of(parameters.reference)
+
+    def write(numbers: Mapping[str, float]) -> str:
+        return write_numbers(text, parameters.numbers, numbers) if numbers else text
+
+    xml = write(drawn.numbers)
     try:
         model = mujoco.MjModel.from_xml_string(xml)
     except (ValueError, mujoco.FatalError) as error:
@@ -133,6 +138,8 @@ def pose_case(parameters: ModelParameters, drawn: DrawnCase[ModelCase]) -> Probl
             "timestep": model.opt.timestep,
             **drawn_values,
         },
+        drawn.numbers,
+        write,
     )
 
 

@@ -63,6 +63,19 @@ def multiply(name: str, factor: float, at: int | None = None, default: str | Non
     )
 
 
+def exchange(name: str, other: str) -> Change:
+    """Gives each of two attributes the value of the other."""
+
+    def edit(element: ET.Element) -> bool:
+        mine, its = element.get(name), element.get(other)
+        if mine is None or its is None or mine == its:
+            return False
+        element.attrib.update({name: its, other: mine})
+        return True
+
+    return edit
+
+
 def do_all(changes: Sequence[Change]) -> Change:
     """Makes several changes of an element."""
 

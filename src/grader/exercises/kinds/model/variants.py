@@ -5,6 +5,7 @@ import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from math import pi
 
 from grader.exercises.kinds.model.slips import (
@@ -16,6 +17,7 @@ from grader.exercises.kinds.model.slips import (
     do_all,
     do_either,
     drop,
+    exchange,
     hide,
     multiply,
     negate,
@@ -33,6 +35,14 @@ from grader.exercises.kinds.model.slips import (
 Element = ET.Element
 LENGTHS = ("pos", "size", "fromto")
 ACTUATORS = ("motor", "position", "velocity", "general", "damper", "intvelocity")
+
+
+EXCHANGED = {
+    "joint": ("damping", "armature", "stiffness", "range", "axis"),
+    "geom": ("mass", "size"),
+    **dict.fromkeys(ACTUATORS, ("joint", "gear", "kp", "kv", "ctrlrange")),
+}
+"""Attributes whose values two elements of one tag may have exchanged."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +91,18 @@ class Reference:
             named = ("", "") if only is None else (only.tag, only.get("name", ""))
             yield Variant(ET.tostring(root, encoding="unicode"), sentence, *named)
 
+    def exchange(self, name: str, one: Element, other: Element) -> Iterator[Variant]:
+        """Yields the model in which two elements have each the other's value of an attribute, if these differ."""
+        mine, its = one.get(name), other.get(name)
+        if mine is None or its is None or mine == its:
+            return
+        root = copy.deepcopy(self.root)
+        edited = list(root.iter())
+        for element, value in ((one, its), (other, mine)):
+            edited[self.elements.index(element)].set(name, value)
+        sentence = f"The {name} of {self.label(one)} and that of {self.label(other)} are exchanged."
+        yield Variant(ET.tostring(root, encoding="unicode"), sentence, one.tag, one.get("name", ""))
+
     def move_up(self, body: Element, by: Sequence[float]) -> str:
         """Returns the text in which a body hangs on the parent of its parent, its pos moved by these numbers."""
         root = copy.deepcopy(self.root)
@@ -110,7 +132,7 @@ def list_variants(text: str) -> Iterator[Variant]:
     reference = Reference(text)
     for family in (
         vary_angles, vary_options, vary_joints, vary_masses, vary_sizes, vary_actuators, vary_missing, vary_tree,
-        vary_shapes,
+        vary_shapes, vary_exchanged,
     ):  # fmt: skip
         yield from family(reference)
 
@@ -325,3 +347,20 @@ def vary_shapes(reference: Reference) -> Iterator[Variant]:
             sentence = f"The geom is a {kind}, where a {element.get('type', 'sphere')} was asked for."
             sentence = sentence.replace("The geom", reference.label(element)[0].upper() + reference.label(element)[1:])
             yield from reference.edit(put("type", kind), [element], sentence)
+
+
+def vary_exchanged(reference: Reference) -> Iterator[Variant]:
+    """Values that stand in the place of others: the gains of a servo, another joint of an actuator, the same attribute
+    of two elements."""
+    actuators = reference.find(*ACTUATORS)
+    yield from reference.edit_each(exchange("kp", "kv"), actuators, "The kp and the kv of {} are exchanged.")
+    joints = [name for joint in reference.find("joint") if (name := joint.get("name"))]
+    for actuator in actuators:
+        label, own = reference.label(actuator), actuator.get("joint")
+        for name in joints if own else ():
+            sentence = f'{label} acts on the joint "{name}", where "{own}" was asked for.'
+            yield from reference.edit(put("joint", name), [actuator], sentence[0].upper() + sentence[1:])
+    for tag, names in EXCHANGED.items():
+        for one, other in combinations(reference.find(tag), 2):
+            for name in names:
+                yield from reference.exchange(name, one, other)
