@@ -19,6 +19,7 @@ from grader.domain.verdict import Verdict
 from grader.exercises import JudgedTrial, check_exercise, load_kinds, plan_exercise
 from grader.exercises.kinds.claims.driver import to_numbers
 from grader.exercises.kinds.claims.mistakes import name_the_mistake
+from grader.exercises.kinds.claims.naming import name_reading
 from grader.exercises.rehearsing import certify_exercise
 from grader.experiments.quantities import measure
 from grader.grading.pipeline import Pipeline
@@ -229,6 +230,33 @@ def test_each_run_of_a_sweep_must_begin_anew() -> None:
 
 @pytest.mark.jail
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("expr", "name"),
+    [
+        ("data.qpos[0]", "position of slide [m]"),
+        ("lib.qvel('arm')", "velocity of arm [rad/s]"),
+        ("Math.abs(data.qvel[1])", "|velocity of arm| [rad/s]"),
+        ("data.sensordata[3]", "height"),
+        ("lib.sensor('height')", "height"),
+        ("lib.energy().total", "total energy [J]"),
+        ("data.sensordata[0]", None),
+        ("data.qpos[2]", None),
+        ("data.qpos[9]", None),
+        ("lib.qpos('nobody')", None),
+        ("data.qpos[0] + data.qpos[1]", None),
+        ("data.xpos[3]", None),
+    ],
+)
+def test_an_axis_is_named_by_what_is_read(expr: str, name: str | None) -> None:
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><joint name="slide" type="slide"/><geom size="1"/><site name="tip"/>
+        <body><joint name="arm"/><geom size="1"/><body><joint type="ball" name="ball"/><geom size="1"/></body></body>
+        </body></worldbody><sensor><framepos objtype="site" objname="tip"/><jointpos name="height" joint="slide"/>
+        </sensor></mujoco>"""
+    )
+    assert name_reading(expr, model) == name
+
+
 def test_nothing_that_is_measured_enters_the_jail(pipeline: Pipeline) -> None:
     for name in ("swing", "ring", "shaker", "amplitudes", "energies"):
         question = pipeline.library.question(QUIZ, name)

@@ -193,6 +193,16 @@ def test_a_visible_case_has_charts(short: Pipeline) -> None:
     assert [chart["case"] for chart in charts] == ["empty", "empty", "load", "load"]
 
 
+def test_a_sensor_that_leaves_its_range_has_a_chart_with_the_limits(pipeline: Pipeline) -> None:
+    source = "def make(model):\n    return lambda t, seen: 60 * seen[1] + 8 * seen[3]\n"
+    verdict = grade(pipeline, "cart-pole", source)
+    titles = [chart["title"] for chart in verdict.evidence["motions"] if chart["case"] == "moving"]
+    assert titles == ["pole and target", "cart", "controls"]
+    chart = next(chart for chart in verdict.evidence["motions"] if chart["title"] == "cart")
+    assert chart["marks"] == [{"y": end, "label": f"limit {end} from 4.5 s"} for end in (-0.3, 0.3)]
+    assert any(finding.direction == "The sensor cart leaves the range that is allowed." for finding in verdict.findings)
+
+
 def test_a_verdict_has_the_film_of_what_the_controller_did(pipeline: Pipeline) -> None:
     source = "def make(model):\n    return lambda t, seen: 0.0\n"
     evidence = grade(pipeline, "cart-pole", source).evidence

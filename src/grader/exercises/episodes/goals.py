@@ -141,6 +141,13 @@ FAILED: Mapping[GoalName, str] = {
     "return": "Its return, the sum of the rewards, is too small.",
 }
 
+FAILED_SENSOR: Mapping[GoalName, str] = dict(FAILED) | {
+    "rms": "On the whole {} stays too far from the target.",
+    "error": "At some moment {} is too far from the target.",
+    "range": "The sensor {} leaves the range that is allowed.",
+}
+"""The same of a goal with a sensor of its own."""
+
 
 def bound_success(passed: int, simulated: int, episodes: int, share: float) -> float:
     """Returns an upper bound of the chance that a law succeeds in a share of some episodes, drawn independently, of

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 
-from grader.exercises.episodes.goals import FAILED, TITLES, bound_success, measure_goal, meets
+from grader.exercises.episodes.goals import FAILED, FAILED_SENSOR, TITLES, bound_success, measure_goal, meets
 from grader.exercises.episodes.parameters import EpisodesParameters, Goal, Problem
 from grader.exercises.episodes.simulating import Record, describe_fault, list_constant_laws, simulate_law
 from grader.exercises.judgement import Judgement, Part
@@ -83,7 +83,7 @@ def find_failed(goals: Sequence[Goal], values: Sequence[float]) -> frozenset[int
 def judge_goal(goal: Goal, id_: str, value: float, record: Record, *, failed: bool) -> Part:
     """Returns the finding of one goal."""
     passed, title = not failed, goal.title or name_goal(goal)
-    message = "Reached." if passed else UNMET if meets(goal, value) else FAILED[goal.goal]
+    message = "Reached." if passed else UNMET if meets(goal, value) else describe_failure(goal)
     if record.lost_at_s is not None:
         message = LOST
     elif record.is_over and not isfinite(value):
@@ -95,9 +95,9 @@ def judge_goal(goal: Goal, id_: str, value: float, record: Record, *, failed: bo
     else:
         detail = "" if record.lost_at_s is None else f"It blew up at t = {record.lost_at_s:.4g} s."
     if goal.within is not None:
-        detail = (
-            f"It leaves [{goal.within.low:g}, {goal.within.high:g}] by {value:.4g}." if 0 < value < float("inf") else ""
-        )
+        since = f"From {goal.from_s:g} s on it" if goal.from_s else "It"
+        range_ = f"[{goal.within.low:g}, {goal.within.high:g}]"
+        detail = f"{since} leaves {range_} by {value:.4g}." if 0 < value < float("inf") else ""
     measured = float(f"{value:.6g}") if isfinite(value) else None
     expected = list(goal.within) if goal.within is not None else allowed
     return Part(id_, title, passed, message, detail, measured, expected, goal.points)
@@ -106,6 +106,11 @@ def judge_goal(goal: Goal, id_: str, value: float, record: Record, *, failed: bo
 def name_goal(goal: Goal) -> str:
     """Returns what a goal without a title is called, with its own sensor where it has one."""
     return f"{TITLES[goal.goal]} of {goal.sensor}" if goal.sensor else TITLES[goal.goal]
+
+
+def describe_failure(goal: Goal) -> str:
+    """Returns what is wrong where a goal is not reached, with its own sensor where it has one."""
+    return FAILED[goal.goal] if goal.sensor is None else FAILED_SENSOR[goal.goal].format(goal.sensor)
 
 
 def judge_share(
@@ -136,7 +141,7 @@ def explain_most(parameters: EpisodesParameters, outcome: EpisodeOutcome, *, hid
     if 2 * sum(record.is_over for record in wrong) > len(wrong):
         return OVER
     counts = Counter(goal for failed in outcome.failed for goal in failed)
-    return FAILED[parameters.goals[counts.most_common(1)[0][0]].goal]
+    return describe_failure(parameters.goals[counts.most_common(1)[0][0]])
 
 
 def bound_luck(parameters: EpisodesParameters, problem: Problem) -> float:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from grader.exercises.episodes.films import choose_episode, keep_film
+from grader.exercises.episodes.goals import measure_goal, meets
 from grader.exercises.episodes.judge import EpisodeOutcome
-from grader.exercises.episodes.parameters import EpisodesParameters, Problem
+from grader.exercises.episodes.parameters import EpisodesParameters, Goal, Problem
 from grader.exercises.episodes.simulating import Floats, Record
 from grader.exercises.kind import JudgedTrial
 
@@ -18,7 +19,7 @@ CONTROLS_MAX = 4
 def build_evidence(
     parameters: EpisodesParameters, visible: Sequence[JudgedTrial[Problem, EpisodeOutcome]]
 ) -> dict[str, Any]:
-    """Returns two charts for each visible case: of its first episode that did not succeed, else of its first. They show
+    """Returns charts for each visible case: of its first episode that did not succeed, else of its first. They show
     what the learner's own controller did, so that they are feedback and no solution. The `film` shows it moving."""
     charts = []
     for trial in visible:
@@ -31,7 +32,7 @@ def build_evidence(
 
 
 def draw_record(parameters: EpisodesParameters, case: str, record: Record, title: str) -> list[dict[str, Any]]:
-    """Returns the charts of one episode."""
+    """Returns the charts of one episode: of the tracked sensor, of others that fail a goal, and of the controls."""
     every = max(1, -(-len(record.time_s) // POINTS_MAX))
     time = {"label": "time [s]", "log": False}
 
@@ -44,6 +45,8 @@ def draw_record(parameters: EpisodesParameters, case: str, record: Record, title
         }
 
     tracked = [line(parameters.track, record.tracked), line("target", record.target)]
+    missed = list_missed(parameters, record)
+    others = [name for name in record.sensors if name in missed and name != parameters.track]
     controls = [
         line("control" if record.applied.shape[1] == 1 else f"control {i}", record.applied[:, i])
         for i in range(min(record.applied.shape[1], CONTROLS_MAX))
@@ -51,13 +54,36 @@ def draw_record(parameters: EpisodesParameters, case: str, record: Record, title
     return [
         {
             "case": case, "title": f"{parameters.track} and target{title}", "x": time,
-            "y": {"label": parameters.track, "log": False}, "series": tracked, "marks": [],
+            "y": {"label": parameters.track, "log": False}, "series": tracked,
+            "marks": build_limits(missed.get(parameters.track, ())),
         },
+        *(
+            {
+                "case": case, "title": f"{name}{title}", "x": time, "y": {"label": name, "log": False},
+                "series": [line(name, record.sensors[name])], "marks": build_limits(missed[name]),
+            }
+            for name in others
+        ),
         {
             "case": case, "title": f"controls{title}", "x": time, "y": {"label": "control", "log": False},
             "series": controls, "marks": [],
         },
     ]  # fmt: skip
+
+
+def list_missed(parameters: EpisodesParameters, record: Record) -> dict[str, list[Goal]]:
+    """Returns the goals that an episode did not reach, by the sensor that they are about."""
+    missed = dict[str, list[Goal]]()
+    for goal in parameters.goals:
+        if not meets(goal, measure_goal(goal, record)):
+            missed.setdefault(goal.sensor or parameters.track, []).append(goal)
+    return missed
+
+
+def build_limits(goals: Sequence[Goal]) -> list[dict[str, Any]]:
+    """Returns marks at the ends of the ranges within which a sensor must stay."""
+    ranges = [(goal.within, f" from {goal.from_s:g} s" if goal.from_s else "") for goal in goals if goal.within]
+    return [{"y": end, "label": f"limit {end:g}{since}"} for within, since in ranges for end in within]
 
 
 def round_all(values: Floats) -> list[float]:

@@ -9,7 +9,8 @@ from grader.errors import LabRefused
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.claims.judge import ClaimComparison, Outcome, to_json
 from grader.exercises.kinds.claims.measuring import read_series
-from grader.exercises.kinds.claims.parameters import Axis, Floats, Problem
+from grader.exercises.kinds.claims.naming import name_reading
+from grader.exercises.kinds.claims.parameters import Axis, Floats, Problem, compile_text
 from grader.experiments.regime import RegimeFailure
 from grader.experiments.runs import SAME, VerifyError
 
@@ -68,7 +69,8 @@ def draw_claim(case: str, problem: Problem, comparison: ClaimComparison) -> Iter
         run, series = read_series(problem.list_experiments(comparison.claim)[0], [comparison.claim.expr], SAME)
     except (RegimeFailure, VerifyError, LabRefused):
         return
-    yield draw_run(case, np.array(run.times), series[:, 0], comparison)
+    name = name_reading(comparison.claim.expr, compile_text(problem.xml)) or comparison.claim.expr
+    yield draw_run(case, np.array(run.times), series[:, 0], comparison, name)
 
 
 def draw_curve(case: str, axis: Axis, x: Sequence[float], comparison: ClaimComparison) -> dict[str, Any]:
@@ -86,14 +88,15 @@ def draw_curve(case: str, axis: Axis, x: Sequence[float], comparison: ClaimCompa
     }
 
 
-def draw_run(case: str, times: Floats, values: Floats, comparison: ClaimComparison) -> dict[str, Any]:
-    """Returns a chart of the run that a claim is about, with marks at what was claimed and measured."""
+def draw_run(case: str, times: Floats, values: Floats, comparison: ClaimComparison, name: str) -> dict[str, Any]:
+    """Returns a chart of the run that a claim is about, with marks at what was claimed and measured. `name` is what the
+    axis of the values is called."""
     every = max(1, -(-len(times) // POINTS_MAX))
     return {
         "case": case,
         "title": comparison.claim.label,
         "x": {"label": "time [s]", "log": False},
-        "y": {"label": comparison.claim.expr, "log": False},
+        "y": {"label": name, "log": False},
         "series": [build_series("", times[::every], values[::every], points=False)],
         "marks": list(build_marks(comparison)),
     }
