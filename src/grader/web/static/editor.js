@@ -20,7 +20,7 @@ const COLOURS = HighlightStyle.define([
 ]);
 
 const LOOK = EditorView.theme({
-  "&": { height: "100%", color: "var(--ink)", backgroundColor: "var(--card)", fontSize: "var(--small)" },
+  "&": { height: "100%", containerType: "inline-size", color: "var(--ink)", backgroundColor: "var(--card)", fontSize: "var(--small)" },
   "&.cm-focused": { outline: "2px solid var(--ink)", outlineOffset: "-2px" },
   ".cm-scroller": { fontFamily: "var(--mono)", lineHeight: "1.5", overscrollBehavior: "auto" },
   ".cm-content": { caretColor: "var(--ink)", padding: "var(--s2) 0" },
@@ -31,7 +31,7 @@ const LOOK = EditorView.theme({
   ".cm-faulty": { backgroundColor: "var(--no-bg)", boxShadow: "inset 2px 0 var(--no)" },
   ".cm-said": {
     padding: "var(--s1) var(--s3)", borderLeft: "2px solid var(--no)", backgroundColor: "var(--no-bg)", color: "var(--ink)",
-    fontFamily: "var(--sans)", whiteSpace: "normal", position: "sticky", left: "0", maxWidth: "40rem",
+    fontFamily: "var(--sans)", whiteSpace: "normal", position: "sticky", left: "0", maxWidth: "min(40rem, 100cqi - 5rem)",
   },
   ".cm-panels": { backgroundColor: "var(--card)", color: "var(--ink)", fontFamily: "var(--sans)" },
   ".cm-panels-top": { borderBottom: "1px solid var(--line)" },
