@@ -15,6 +15,7 @@ show: Callable[[object], str] = globals().get("show", repr)
 """Returns the text of any value: the harness defines it."""
 
 TEXT_CHARS_MAX = 100
+KEYS_MAX = 10
 
 
 def trial(
@@ -31,11 +32,15 @@ def trial(
         if numbers is not None:
             submit(f"c{index}", numbers)
         else:
-            text = "nothing" if value is MISSING else show(value)[:TEXT_CHARS_MAX]
+            text = ABSENT + list_keys(returned) if value is MISSING else show(value)
+            text = text[:TEXT_CHARS_MAX]
             submit(f"other{index}", np.frombuffer(text.encode(errors="replace"), dtype=np.uint8))
 
 
 MISSING = object()
+
+ABSENT = "nothing"
+"""How the text begins that stands for a claim which is not there."""
 
 PLAIN = (int, float)
 """The types of numbers that an array of objects may hold."""
@@ -62,6 +67,13 @@ def separate(returned: Any, names: Sequence[str]) -> list[Any]:
     if isinstance(returned, (tuple, list, np.ndarray)) and len(returned) == len(names):
         return list(returned)
     return [returned, *[MISSING] * (len(names) - 1)] if returned is not None else [MISSING] * len(names)
+
+
+def list_keys(returned: Any) -> str:
+    """Returns which keys a dict has in place of the names; empty for what is no dict."""
+    if type(returned) is not dict:
+        return ""
+    return ", among the keys " + ", ".join(repr(key) for key in [*returned][:KEYS_MAX] if type(key) is str)
 
 
 def to_numbers(value: Any) -> Any:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from grader.exercises.kind import JudgedTrial
+from grader.exercises.kinds.claims import driver
 from grader.exercises.kinds.claims.judge import ClaimComparison, Outcome, capitalize
 from grader.exercises.kinds.claims.parameters import Floats, Problem
 from grader.exercises.kinds.claims.rules import RULES
@@ -27,8 +28,17 @@ SAME_FOR_ALL_X = "{label} is the same for every x: use x."
 ROUNDED = "{label} is rounded too coarsely: return it as it was measured."
 
 
+PRINTED = "Your function prints its result and returns None: return it instead."
+NOTHING = "Your function returns None: end it with `return` and the claims."
+NO_NAME = "The dictionary that your function returns has no `{name}`: its keys are spelt as the task gives them."
+OTHER_COUNT = "Your function returns {got}, and {asked} are asked for: return a dictionary with their names."
+
+
 def name_the_mistake(judged: Sequence[Judged]) -> str | None:
-    """Returns the sentence of the first wrong claim that a rule explains in every case in which it is wrong."""
+    """Returns the sentence for a function that returns something else than its claims, or of the first wrong claim that
+    a rule explains in every case in which it is wrong."""
+    if missing := explain_missing(judged):
+        return missing
     failed = [
         (trial, comparison)
         for trial in judged
@@ -41,6 +51,24 @@ def name_the_mistake(judged: Sequence[Judged]) -> str | None:
         template = explain_simply(judged, name) or explain_by_rules(judged, mine)
         if template is not None:
             return template.replace("{label}", capitalize(mine[0][1].claim.label))
+    return None
+
+
+def explain_missing(judged: Sequence[Judged]) -> str | None:
+    """Returns the sentence for a function that returns nothing, or not every claim."""
+    for trial in judged:
+        outcome, returned = trial.judgement.outcome or (), trial.trace.returned_values
+        if not returned or all(comparison.values is not None for comparison in outcome):
+            continue
+        value = returned[0]
+        if value.type == "NoneType":
+            return PRINTED if trial.trace.printed_text is not None else NOTHING
+        if value.type == "dict":
+            absent = (comparison.claim.name for comparison in outcome if comparison.text.startswith(driver.ABSENT))
+            return next((NO_NAME.format(name=name) for name in absent), None)
+        count = value.shape[0] if value.shape else 1
+        if count != len(outcome) > 1:
+            return OTHER_COUNT.format(got="one value" if count == 1 else f"{count} values", asked=len(outcome))
     return None
 
 
