@@ -1,6 +1,7 @@
 """What the pages say of answers that were handed in after the due date."""
 
 import json
+import re
 from collections.abc import Iterator
 from datetime import timedelta
 
@@ -39,3 +40,16 @@ def test_a_late_verdict_says_what_counts_of_its_points(site: Site) -> None:
 
 def test_nothing_is_taken_from_no_points(site: Site) -> None:
     assert "0 of 1 point, attempt 1" in answer_late(site, 0)
+
+
+def test_a_lesson_tells_when_each_of_its_quizzes_is_due(tmp_path_factory: pytest.TempPathFactory) -> None:
+    content = write_content(tmp_path_factory.mktemp("dues") / "content")
+    file = content / "quizzes" / "small.json"
+    quiz = json.loads(file.read_text())
+    for id_, due in (("9.9-a", "2190-11-27T18:00Z"), ("9.9-b", "2190-12-04T18:00Z"), ("9.9-c", "2190-12-04T18:00Z")):
+        (file.parent / f"{id_}.json").write_text(json.dumps(quiz | {"id": id_, "policy": {"due": due}}))
+    with open_site(Settings(content=content, data=tmp_path_factory.mktemp("data"), workers=0)) as site:
+        learner = site.anonymous({"Accept": "text/html", "Sec-Fetch-Site": "same-origin", "Origin": site.origin})
+        learner.post("/session")
+        page = re.sub(r"<[^>]+>", "", learner.get("/").text)
+    assert "Sat 27 Nov 2190, 18:00 UTC, then Sat 4 Dec 2190, 18:00 UTC" in page

@@ -21,6 +21,9 @@ from grader.web.verdict.work import QuestionPlace, Work, describe_counting
 
 WITH_AN_INSTRUCTOR = "with an instructor"
 
+DUES_MAX = 2
+"""Dates that a lesson shows where its quizzes are due at different times."""
+
 
 @dataclass(frozen=True)
 class TypedAnswer:
@@ -205,9 +208,9 @@ def list_facts(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
     if any(place.may_answer for place in places) and all(place.attempts_left is None for place in places):
         facts["attempts"] = "no limit"
     dues = [place.due for place in places if place.due is not None]
-    coming = [due for due in dues if due > work.access.at]
+    coming = sorted({due for due in dues if due > work.access.at})
     if coming:
-        facts["due"] = format_day(min(coming))
+        facts["due"] = ", then ".join(map(format_day, coming[:DUES_MAX])) + (" …" if len(coming) > DUES_MAX else "")
     elif dues and not any(place.may_answer for place in places):
         facts["due"] = f"over since {format_day(max(dues))}"
     return facts
