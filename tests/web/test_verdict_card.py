@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from grader.domain.verdict import Status
+from grader.domain.verdict import NO_COMMENT, Status
 from grader.web.frame.rendering import templates
 from grader.web.text.statuses import STATUSES, describe_status
 from grader.web.verdict.card import Card, build_card, build_matrix, describe_value, link_lines
@@ -124,6 +124,18 @@ def test_what_passed_is_folded() -> None:
     assert [row.title for row in shown.passed_rows] == ["One"]
     assert shown.passed_rows[0].cells[1].measured == ""
     assert (shown.rows[0].cells[0].badge.word, shown.rows[0].cells[0].message) == ("too low", "By far.")
+
+
+def test_a_comment_of_a_reviewer_stands_open_whatever_the_points() -> None:
+    def render(message: str) -> str:
+        shown = card({"status": "correct", "findings": [finding("review", True, message)]})
+        return templates.env.from_string(
+            '{% from "verdict.html" import verdict_card %}{{ verdict_card(card) }}'
+        ).render(card=shown)
+
+    commented, silent = render("Well argued."), render(NO_COMMENT)
+    assert "Well argued." in commented.partition("<details>")[0]
+    assert NO_COMMENT not in silent.partition("<details>")[0]
 
 
 def test_findings_that_are_no_matrix_are_a_list() -> None:

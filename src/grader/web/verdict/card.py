@@ -9,7 +9,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from grader.domain.pages.pictures import Table
-from grader.domain.verdict import Status
+from grader.domain.verdict import NO_COMMENT, REVIEW, Status
 from grader.web.text.numbers import capitalize, keep_unbroken, write_number, write_points, write_quantity
 from grader.web.text.prose import cached_prose
 from grader.web.text.statuses import FAILED, PASSED, Badge, describe_outcome
@@ -41,11 +41,12 @@ class Cell:
     got: float = 0.0
     of: float = 0.0
     rubric: tuple[str, ...] = ()
+    is_comment: bool = False
 
     @property
     def passed(self) -> bool:
-        """Whether it needs no further word."""
-        return self.badge == PASSED
+        """Whether it needs no further word. A reviewer's comment is read whatever the points."""
+        return self.badge == PASSED and not self.is_comment
 
 
 @dataclass(frozen=True)
@@ -236,7 +237,8 @@ def build_cell(finding: Mapping[str, Any]) -> Cell:
     worth = {"got": finding["points"], "of": finding["max_points"], "rubric": rubric}
     title, message = capitalize(keep_unbroken(finding["title"])), keep_unbroken(finding["message"])
     if badge == PASSED:
-        return Cell(badge, title, message, **worth)
+        is_comment = finding["id"] == REVIEW and finding["message"] != NO_COMMENT
+        return Cell(badge, title, message, is_comment=is_comment, **worth)
     if badge == FAILED and (match := WORD.match(message)):
         badge, message = (
             Badge(match[1].lower(), badge.icon, badge.tone),
