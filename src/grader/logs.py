@@ -72,8 +72,8 @@ def logs_json() -> bool:
     return structlog.get_config()["processors"][-1] is as_json_line
 
 
-def log_to_stderr(*, as_json: bool = False) -> None:
-    """Configures the logs of this process, those of uvicorn included."""
+def log_to_stderr(*, as_json: bool = False, is_quiet: bool = False) -> None:
+    """Configures the logs of this process, those of uvicorn included. Where it `is_quiet`, only warnings and worse."""
     steps: list[Any] = [
         structlog.contextvars.merge_contextvars,
         structlog.processors.add_log_level,
@@ -81,7 +81,7 @@ def log_to_stderr(*, as_json: bool = False) -> None:
         structlog.processors.ExceptionRenderer(exception_text),
     ]
     renderer: Any = as_json_line if as_json else structlog.dev.ConsoleRenderer(colors=False)
-    PROCESSORS[:] = [*steps, renderer]
+    PROCESSORS[:] = [*([drop_info] if is_quiet else []), *steps, renderer]
     structlog.configure(
         processors=PROCESSORS,
         wrapper_class=BoundLogger,
@@ -92,6 +92,13 @@ def log_to_stderr(*, as_json: bool = False) -> None:
     handler.setFormatter(structlog.stdlib.ProcessorFormatter(renderer, foreign_pre_chain=steps))
     uvicorn = logging.getLogger("uvicorn")
     uvicorn.handlers, uvicorn.propagate = [handler], False
+
+
+def drop_info(_logger: Any, method: str, line: Any) -> Any:
+    """Returns a line of a warning or worse; drops any other."""
+    if method in ("debug", "info"):
+        raise structlog.DropEvent
+    return line
 
 
 def as_json_line(_logger: Any, _method: str, line: Mapping[str, Any]) -> str:

@@ -8,6 +8,7 @@ import re
 import secrets
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -21,12 +22,14 @@ from grader.certify.keys import certify_quizzes
 from grader.commands.grade import open_pipeline
 from grader.courses.people.identity import COOKIE
 from grader.courses.people.sign_in import create_sign_in_code, redeem_sign_in_code
+from grader.domain.pages.media import Media, find_type, is_served
 from grader.domain.verdict import Status
 from grader.errors import CallerError, ContentError, InvalidAnswer
 from grader.grading.checking import check_content
 from grader.grading.processes import Graders
 from grader.importing.lesson import import_lesson
 from grader.library import Library, load
+from grader.library.media import place_media
 from grader.questions import AnyKind, Example, Question, installed_kinds, kind_of, parse_question, question_adapter
 from grader.service.worker import build_worker
 from grader.settings import Settings
@@ -55,7 +58,10 @@ class Case:
 
     @property
     def question(self) -> Question:
-        return parse_question(self.raw)
+        """The question as it is loaded, with the served addresses of its pictures."""
+        bodies = {path: text.encode() for path, text in self.example.files.items() if is_served(path)}
+        media = {path: Media(path, find_type(path, body), body) for path, body in bodies.items()}
+        return parse_question(place_media(deepcopy(self.raw), media))
 
     @property
     def right(self) -> Any:

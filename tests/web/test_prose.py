@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grader.domain.pages.markup import plain_text, spoken_text
+from grader.domain.pages.markup import plain_text, read_image, spoken_text
 from grader.domain.pages.prose import (
     HTML_ATTRIBUTES,
     HTML_TAGS,
@@ -238,3 +238,9 @@ def test_tags_and_formulas_beyond_the_limits_are_shown_as_typed() -> None:
     many = safe_html("$x$ " * TEX_BUDGET)
     assert 100 < many.count("<math") < TEX_BUDGET / 10
     assert "<code>x</code>" in many
+
+
+def test_the_attributes_of_a_picture_are_read_from_its_text() -> None:
+    text = '<p>Click: <img alt="An &lt;arm&gt;" src="/media/1/arm.png"/><img src="b.png"></p>'
+    assert read_image(text) == {"alt": "An <arm>", "src": "/media/1/arm.png"}
+    assert read_image("images/arm.png") == {}

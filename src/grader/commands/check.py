@@ -29,17 +29,25 @@ def check(
 
     Exits with 2 for a fault, with 1 if only undecided keys are left.
     """
-    from grader.grading.checking import check_content
+    from grader.grading.checking import Look, check_content, nothing_unshown
     from grader.grading.selection import Selection
     from grader.library import NOTHING_PASSED, PassedChecks
+    from grader.questions import installed_kinds
 
     settings = read_settings()
     if not paths:
         say(f"the content folder is {settings.content}")
+    look: Look = nothing_unshown
+    if any(not type(kind).__module__.startswith("grader.") for kind in installed_kinds().values()):
+        from grader.web.author.preview import find_unshown  # the pages take half a second to import
+
+        look = find_unshown
     passed = NOTHING_PASSED if again else PassedChecks(settings.cache)
     with err.status("starting") as status:  # nothing where stderr is no terminal
         reports = [
-            check_content(path, open_pipeline, say, draws, passed, only=Selection.parse(only), doing=status.update)
+            check_content(
+                path, open_pipeline, say, draws, passed, only=Selection.parse(only), doing=status.update, look=look
+            )
             for path in paths or [settings.content]
         ]
     faults = [fault for report in reports for fault in report.faults]

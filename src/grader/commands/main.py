@@ -90,8 +90,13 @@ def show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+LOGGING = ("serve", "worker")
+"""Commands that log every request or job; the others say what they do themselves."""
+
+
 @cli.callback()
 def begin(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=show_version, is_eager=True, help="The version.")
     ] = False,
@@ -99,7 +104,7 @@ def begin(
     """Auto-grading of a MuJoCo course."""
     from grader.logs import log_to_stderr
 
-    log_to_stderr()
+    log_to_stderr(is_quiet=context.invoked_subcommand not in LOGGING)
 
 
 def describe_faults(error: ValueError) -> list[str]:

@@ -13,6 +13,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grader.gate.admission import is_api
+from grader.gate.head import ask_as_get
 from grader.gate.problems import problem_of_unexpected
 from grader.metrics import REQUEST_S, REQUESTS
 from grader.store.engine.database import driver_error, is_away
@@ -26,7 +27,8 @@ METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"}
 
 
 class RequestsMiddleware:
-    """ASGI middleware. Names every request by an id that its response, its problems and its log lines bear."""
+    """ASGI middleware. Names every request by an id that its response, its problems and its log lines bear. A HEAD is
+    asked and logged as a GET."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -36,6 +38,8 @@ class RequestsMiddleware:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
+        if scope["method"] == "HEAD":
+            scope, receive, send = ask_as_get(scope, receive, send)
         sent = Headers(scope=scope).get("x-request-id", "")
         request_id = sent if REQUEST_ID.fullmatch(sent) else f"{getrandbits(128):032x}"
         response = NamedResponse(scope, send, request_id)

@@ -1,7 +1,7 @@
 """Checks a content folder: it loads, its keys are certified, its reference programs get their statuses."""
 
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field, replace
@@ -26,7 +26,18 @@ from grader.questions.kinds.script import ScriptQuestion
 POINTS_ROUNDING = 1e-6
 """Rounding of shares of points."""
 
+ALL_CRASH = (
+    "every script that does not solve it ends with an error, so that the judge never sees a wrong answer: let the kind "
+    "write some in `write_lazy_answers`, or add wrong reference programs"
+)
+
 Say = Callable[[str], None]
+Look = Callable[[Library, Callable[[str, str], bool]], Iterable[Fault]]
+
+
+def nothing_unshown(_library: Library, _is_wanted: Callable[[str, str], bool]) -> Iterable[Fault]:
+    """Returns no fault: of the grader's own kinds every question can be shown."""
+    return ()
 
 
 def find_content_root(path: Path) -> Path:
@@ -48,12 +59,13 @@ def find_content_root(path: Path) -> Path:
 def check_content(
     path: Path, pipeline_for: Callable[[Library], AbstractContextManager[Pipeline]], say: Say, draws: int = 1,
     passed: PassedChecks = NOTHING_PASSED, *, only: Selection = EVERYTHING, doing: Say = lambda _: None,
+    look: Look = nothing_unshown,
 ) -> Report:  # fmt: skip
     """Load the content folder of `path`, certify its keys, and grade its reference programs. A path inside the folder
     restricts certificates and reference programs to those below it. `pipeline_for` opens a pipeline, with its jail, for
     a library. Each reference program is graded under `draws` draws of the hidden cases, and must get one status and one
     diagnosis under all of them. What has `passed` before does not run again. `only` a part is checked; `doing` is told
-    what runs now, `say` what came out."""
+    what runs now, `say` what came out. `look` finds questions that a page cannot show, of those that are wanted."""
     report = Report()
     doing("loading quizzes and models")
     try:
@@ -72,6 +84,7 @@ def check_content(
                 return enter()
 
         ContentCheck(library, path.resolve(), opened, say, draws, passed, only, doing, report).run()
+        report.faults.extend(look(library, only.has))
     report.faults.sort()
     return report
 
@@ -198,12 +211,14 @@ class ContentCheck:
             lambda text_of: [*earn_lazily(self.opened(), quiz_id, question, own, text_of)],
             text_of=library.text,
             write=lambda earned: (
-                earned if all(not fault and not earns_too_much(*both) for _, *both, fault in earned) else None
+                earned if all(not fault and not earns_too_much(*both) for _, *both, fault, _ in earned) else None
             ),
             read=list,
         )
         self.say(f"{quiz_id} {question.id}: {len(earned)} scripts that do not solve it are tried")
-        for name, points, most, fault in earned:
+        if earned and all(status == Status.CRASHED for *_, status in earned):
+            self.report.warnings.append(Fault(library.file(quiz_id), key, ALL_CRASH))
+        for name, points, most, fault, _ in earned:
             if earns_too_much(points, most):
                 why = f"{name} earns {points:g} points, and may earn {most:g} at most"
                 solved = f"take the solution out of {question.starter}" if name == STARTER else ""
@@ -289,9 +304,9 @@ def is_below(library: Library, file: str, path: Path) -> bool:
 
 def earn_lazily(
     pipeline: Pipeline, quiz_id: str, question: ScriptQuestion, starter: str | None, text_of: TextOf
-) -> Iterator[tuple[str, float, float, str]]:
-    """Yields name, points and most points of every script that does not solve the exercise, and why it could
-    not be judged."""
+) -> Iterator[tuple[str, float, float, str, str]]:
+    """Yields name, points and most points of every script that does not solve the exercise, why it could not be judged,
+    and its status."""
     earned: dict[str, float] = {}
     for lazy in write_lazy_answers(question, pipeline.library.model_xml, starter, text_of):
         answer = kind_of(question).from_text(question, lazy.source)
@@ -299,7 +314,7 @@ def earn_lazily(
         earned[lazy.name] = verdict.points
         most = min(lazy.points_max, earned.get(lazy.like, lazy.points_max))
         fault = (verdict.diagnosis or "") if verdict.status is Status.GRADER_FAULT else ""
-        yield lazy.name, verdict.points, most, fault
+        yield lazy.name, verdict.points, most, fault, verdict.status.value
 
 
 def choose_seed(name: str) -> int:

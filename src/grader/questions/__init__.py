@@ -14,12 +14,14 @@ from grader.questions.quiz import LessonHead, Quiz
 from grader.questions.registry import (
     GROUP,
     AnyKind,
+    fill_form,
     grade_answer,
     installed_kinds,
     kind_of,
     parse_question,
     question_adapter,
     read_answer,
+    show_answer,
     template_of,
 )
 from grader.questions.student_view import lab_view, question_view, student_view, unopened_view
@@ -28,7 +30,8 @@ __all__ = [
     "FIELD", "FORMS", "GROUP", "AnswerKey", "AnyKind", "CountedNumber", "Example", "Fields", "Finding", "Form",
     "InvalidAnswer", "LessonHead", "ModelXml", "NumberKey", "Option", "OptionIndex", "OptionKey", "Options",
     "Question", "QuestionKind", "Quiz", "Remark", "Reveal", "Status", "Takes", "Verdict", "Verify", "Whys",
-    "decode_file", "describe_file", "field_of", "grade_answer", "installed_kinds", "json_or_text", "kind_of",
-    "lab_view", "parse_question", "plain_text", "question_adapter", "question_view", "quoted", "read_answer",
-    "student_view", "template_of", "typed_for", "typed_in", "unopened_view", "verdict_of", "write_module",
+    "decode_file", "describe_file", "field_of", "fill_form", "grade_answer", "installed_kinds", "json_or_text",
+    "kind_of", "lab_view", "parse_question", "plain_text", "question_adapter", "question_view", "quoted", "read_answer",
+    "show_answer", "student_view", "template_of", "typed_for", "typed_in", "unopened_view", "verdict_of",
+    "write_module",
 ]  # fmt: skip

@@ -9,6 +9,7 @@ from operator import or_
 from pathlib import Path
 from typing import Annotated, Any
 
+import structlog
 from pydantic import Field, GetCoreSchemaHandler, TypeAdapter
 from pydantic_core import CoreSchema
 
@@ -16,13 +17,15 @@ from grader.domain.plugins import find_points, load_point
 from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer, PluginError
 from grader.questions.drawing import fill_in_middle
-from grader.questions.kind import TEMPLATE, QuestionKind
+from grader.questions.kind import TEMPLATE, Fields, QuestionKind
 from grader.questions.question import Question
 
 GROUP = "grader.question_kinds"
 """The entry-point group in which kinds of question are found."""
 
 AnyKind = QuestionKind[Any, Any]
+
+log = structlog.get_logger()
 
 
 @cache
@@ -74,6 +77,25 @@ def template_of(kind: AnyKind) -> Path:
 def kind_of(question: Question) -> AnyKind:
     """Returns the kind of a question."""
     return installed_kinds()[question.kind]
+
+
+def show_answer(question: Question, answer: Any) -> str:
+    """Returns an answer as plain text. Where the kind fails, of another package perhaps, the fault is logged, and the
+    answer is told as it was stored: its page is there for a reviewer all the same."""
+    try:
+        return kind_of(question).show(question, answer)
+    except Exception:  # code of another package: anything may be raised
+        log.exception("a kind of question cannot show an answer", kind=question.kind)
+        return answer if isinstance(answer, str) else json.dumps(answer)
+
+
+def fill_form(question: Question, answer: Any) -> Fields:
+    """Returns the fields of a form with an answer; none where the kind fails, as in `show_answer`."""
+    try:
+        return kind_of(question).to_form(question, answer)
+    except Exception:  # code of another package: anything may be raised
+        log.exception("a kind of question cannot fill in its form", kind=question.kind)
+        return {}
 
 
 def read_answer(question: Question, answer: Any) -> str:

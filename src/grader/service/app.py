@@ -20,7 +20,6 @@ from grader.courses.reviewing.rubric_changes import Recomputing
 from grader.courses.sending.outbox import release_all
 from grader.gate import problems
 from grader.gate.admission import AdmissionMiddleware, AdmissionRules
-from grader.gate.head import HeadMiddleware
 from grader.gate.lab_runs import LabRuns
 from grader.gate.monitoring import Monitor, check_content, check_mujoco
 from grader.gate.openid import Provider
@@ -69,7 +68,7 @@ def create_app(settings: Settings, graders: Graders | None = None, is_ending: Ca
     # `add_middleware` would put ours behind FastAPI's own, which an answer does not need and waits for.
     answers = ShortAnswersMiddleware(app.build_middleware_stack(), services)
     admitted = AdmissionMiddleware(answers, services.database, services.admission)
-    app.middleware_stack = HeadMiddleware(RequestsMiddleware(admitted))
+    app.middleware_stack = RequestsMiddleware(admitted)
     if settings.trusted_proxies:
         hosts = list(map(str, settings.trusted_proxies))
         app.middleware_stack = ProxyHeadersMiddleware(app.middleware_stack, hosts)  # type: ignore[arg-type, assignment]

@@ -4,6 +4,7 @@ import html
 import re
 import unicodedata
 from functools import lru_cache
+from html.parser import HTMLParser
 
 import nh3
 
@@ -67,6 +68,26 @@ def show_directions(text: str) -> str:
     """Returns what was typed with its invisible marks of direction written out: with one, a script is read in another
     order than the one in which it runs."""
     return text.translate(DIRECTIONS)
+
+
+class ImageReader(HTMLParser):
+    """Keeps the attributes of the first picture of a text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.attributes: dict[str, str] = {}
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Reads one tag."""
+        if tag == "img" and not self.attributes:
+            self.attributes = {name: value or "" for name, value in attrs}
+
+
+def read_image(markup: str) -> dict[str, str]:
+    """Returns the attributes of the first picture in an HTML text, such as `src` and `alt`; none without a picture."""
+    reader = ImageReader()
+    reader.feed(markup)
+    return reader.attributes
 
 
 def quoted(text: str) -> str:

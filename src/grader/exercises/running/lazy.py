@@ -23,18 +23,29 @@ ODD: Mapping[str, tuple[str, str]] = {
 has; a judge that computes with them first may find nothing to object to."""
 
 
+CONSTANT: Mapping[str, str] = {
+    "0 from every function": "0.0",
+    "1 from every function": "1.0",
+    "a large number from every function": "987654.321",
+}
+"""What every function returns where the kind writes no lazy answers of its own: a judge that accepts anything, or what
+is no result, gives them points."""
+
+
 def write_lazy_answers(
     question: ScriptQuestion, model_xml: ModelXml, starter: str | None, text_of: TextOf = refuse_text
 ) -> list[LazyAnswer]:
     """Returns scripts that do not solve the exercise, with the points that each may earn at most. The starter may earn
     none. A script that answers every model alike may earn the points of the visible trials, and one that returns values
     of an odd shape no more than one that returns None. Those of models and files are as in `write_lazy_answers` of the
-    kind: MJCF, or base64."""
+    kind: MJCF, or base64. A kind that writes none gets those of CONSTANT."""
     kind, plan = load_kinds()[question.check.kind], plan_exercise(question, model_xml, SEED, text_of)
     share = sum(trial.points for trial in plan.trials if not trial.hidden) / sum(trial.points for trial in plan.trials)
     alike, most = kind.write_lazy_answers(question, plan.parameters, plan.trials), share * question.points
     counts = {name: kind.count_returned(trial) for trial in plan.trials for name in trial.entries or (question.entry,)}
     odd = ODD if question.takes == "python" else {}
+    if not alike and odd:
+        alike = {name: write_returns(counts, (value, value)) for name, value in CONSTANT.items()}
     return [
         *([] if starter is None or question.form.is_file else [LazyAnswer(STARTER, starter, 0.0)]),
         *(LazyAnswer(name, source, most) for name, source in alike.items()),

@@ -156,8 +156,13 @@ def _list_prose(raw: Any, key: str) -> Iterator[tuple[Any, Any, str]]:
     for name, item in items:
         if not isinstance(item, str):
             yield from _list_prose(item, join_key(key, name))
-        elif name in PROSE or (isinstance(raw, list) and PROSE_LISTS.search(key)) or LABELS.search(join_key(key, name)):
+        elif name in PROSE or (isinstance(raw, list) and PROSE_LISTS.search(key)) or is_html(item, join_key(key, name)):
             yield raw, name, join_key(key, name)
+
+
+def is_html(text: str, key: str) -> bool:
+    """Whether a text is HTML by its key, or by the pictures that it shows, as that of a kind of another package."""
+    return LABELS.search(key) is not None or "<img " in text
 
 
 def semantic_faults(

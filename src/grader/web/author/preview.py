@@ -1,17 +1,19 @@
 """A question as a student sees it in every state: before an answer, after a wrong and a right one, after it is due."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from grader.courses.answering.access import LearnerAccess
 from grader.courses.rules.policy import Visibility, redact_json
+from grader.domain.plugins import describe_error
 from grader.domain.policy import Policy, Progress
 from grader.domain.verdict import Status, Verdict
-from grader.errors import InvalidAnswer
+from grader.errors import Fault, InvalidAnswer
 from grader.library import Library
-from grader.questions import Fields, Question, Quiz, grade_answer, kind_of
+from grader.questions import AnyKind, Fields, Question, Quiz, grade_answer, kind_of, show_answer
+from grader.web.frame.rendering import templates
 from grader.web.learner.lesson import AskedQuestion, TypedAnswer, describe_question
 from grader.web.text.questions import present_question
 from grader.web.text.statuses import Badge, describe_status
@@ -48,7 +50,7 @@ def list_samples(question: Question) -> list[SampleAnswer]:
         verdict = grade_answer(question, answer)
         is_read = verdict.status is not Status.INVALID_ANSWER
         read_as = (verdict.read_as or "") if is_read else verdict.diagnosis or ""
-        text = answer if isinstance(answer, str) else kind.show(question, answer)
+        text = answer if isinstance(answer, str) else show_answer(question, answer)
         samples.append(SampleAnswer(text, read_as, describe_status(verdict.status, withheld=False), verdict.points))
     return samples
 
@@ -77,6 +79,33 @@ def build_preview(
         if sample is None:
             return Preview(None, "This kind names no answer for this state: answer below, under Unanswered.")
     return Preview(build_asked(library, quiz, question, sample, policy, is_over=state == "due"))
+
+
+CARD = '{% from "question.html" import question_card with context %}{{ question_card(quiz, asked, 1, "") }}'
+
+
+def find_unshown(library: Library, is_wanted: Callable[[str, str], bool]) -> Iterator[Fault]:
+    """Yields the questions of kinds of other packages whose templates fail, in any of STATES."""
+    card = templates.env.from_string(CARD)
+    for quiz in library.quizzes.values():
+        for question in quiz.questions:
+            kind = kind_of(question)
+            if kind.is_script or is_own(kind) or not is_wanted(quiz.id, question.id):
+                continue
+            try:
+                for state in STATES:
+                    asked = build_preview(library, quiz, question, state).asked
+                    if asked is not None:
+                        card.render(quiz=quiz, asked=asked)
+            except Exception as error:  # code of another package: anything may be raised
+                what = describe_error(error, type(kind).__module__)
+                why = f"its page cannot be shown: the template or a method of the kind raises {what}"
+                yield Fault(library.file(quiz.id), question.id, why)
+
+
+def is_own(kind: AnyKind) -> bool:
+    """Whether a kind is one of the grader's own."""
+    return type(kind).__module__.startswith("grader.")
 
 
 def try_form(library: Library, quiz: Quiz, question: Question, fields: Fields) -> Preview:

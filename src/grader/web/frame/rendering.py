@@ -6,14 +6,16 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import structlog
 from fastapi import Request
 from fastapi.responses import Response
 from fastapi.templating import Jinja2Templates
 from jinja2 import ChoiceLoader, FileSystemBytecodeCache, FileSystemLoader, FunctionLoader
 from jinja2.bccache import Bucket
+from jinja2.runtime import Macro
 
 from grader import labs
-from grader.domain.pages.markup import show_directions, spoken_text
+from grader.domain.pages.markup import read_image, show_directions, spoken_text
 from grader.gate.services import get_services
 from grader.labs import lab_kinds
 from grader.questions import installed_kinds, template_of
@@ -22,6 +24,8 @@ from grader.web.frame.assets import static
 from grader.web.text import moments, numbers
 from grader.web.text.prose import cached_prose
 from grader.web.verdict import card
+
+log = structlog.get_logger()
 
 ROOM = Path(__file__).parents[1]
 
@@ -79,6 +83,7 @@ templates.env.globals["static"] = static
 templates.env.filters |= {
     "clock": moments.tag_clock,
     "fraction": numbers.write_fraction,
+    "image": read_image,
     "lines_linked": card.link_lines,
     "moment": moments.tag_moment,
     "moments": moments.tag_moments,
@@ -91,6 +96,19 @@ templates.env.filters |= {
     "typed": show_directions,
     "unbroken": numbers.keep_unbroken,
 }
+
+
+def show_or_say(macro: Macro, other: Macro, *arguments: Any) -> str:
+    """Returns what a macro renders. Where it raises, as the template of a kind of another package may, the fault is
+    logged, and `other` is rendered with the same arguments: the rest of the page is there all the same."""
+    try:
+        return macro(*arguments)
+    except Exception:  # code of another package: anything may be raised
+        log.exception("a template cannot be rendered", macro=macro.name)
+        return other(*arguments)
+
+
+templates.env.globals["show_or_say"] = show_or_say
 
 
 class CompiledTemplates(FileSystemBytecodeCache):

@@ -14,7 +14,7 @@ from grader.errors import NotFound
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.library import Library
-from grader.questions import Question, kind_of
+from grader.questions import Question, show_answer
 from grader.store import people, results, submissions
 from grader.store.submissions import SubmissionFilter
 from grader.web.frame.inputs import Instructor
@@ -89,7 +89,7 @@ def group_answers(
             "answers": [
                 (
                     answer,
-                    show_answer(questions.get((at[1], at[2])), answer),
+                    write_answer(questions.get((at[1], at[2])), answer),
                     describe_state(answer, waits=place == 0 or at[1] in averaged),
                 )
                 for place, answer in enumerate(answers)
@@ -102,9 +102,9 @@ def group_answers(
     ]
 
 
-def show_answer(question: Question | None, given: GivenAnswer) -> str:
+def write_answer(question: Question | None, given: GivenAnswer) -> str:
     """Returns an answer in words; as it was typed where the content has lost the question."""
-    return given.text if question is None else kind_of(question).show(question, given.answer)
+    return given.text if question is None else show_answer(question, given.answer)
 
 
 def describe_state(given: GivenAnswer, *, waits: bool) -> Badge:

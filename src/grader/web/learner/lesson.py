@@ -9,7 +9,7 @@ from markupsafe import Markup
 from grader.courses.rules.policy import before_opening
 from grader.library import Library
 from grader.library.lesson_text import Heading, LessonText, Placement, Prose
-from grader.questions import FIELD, Fields, Question, Quiz, kind_of
+from grader.questions import FIELD, Fields, Question, Quiz, fill_form, kind_of, show_answer
 from grader.web.text.lab_box import describe_lab
 from grader.web.text.lessons import Lesson
 from grader.web.text.moments import format_day
@@ -69,13 +69,13 @@ def describe_question(
     given = place.given
     refused = typed is not None and (typed.quiz, typed.question) == (quiz, view["id"])
     kind = kind_of(question)
-    fields: Fields = {} if given is None else kind.to_form(question, given.answer)
+    fields: Fields = {} if given is None else fill_form(question, given.answer)
     trouble = ""
     if refused and typed is not None:
         fields, trouble = typed.fields, typed.why
     lab = kind.lab(question) if place.lab_is_open else None
     card = None if given is None else build_card(given)
-    box = None if lab is None or given is None else preset_lab(describe_lab(lab), kind.show(question, given.answer))
+    box = None if lab is None or given is None else preset_lab(describe_lab(lab), show_answer(question, given.answer))
     return AskedQuestion(view, place, card, fields, trouble, box)
 
 

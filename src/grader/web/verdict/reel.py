@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from grader.errors import NotFound
-from grader.questions import Question, kind_of
+from grader.questions import Question, show_answer
 from grader.web.verdict.card import Card, build_card
 from grader.web.verdict.work import GivenAnswer
 
@@ -74,9 +74,7 @@ def build_reel(attempts: Sequence[GivenAnswer], question: Question | None, chose
     if at < 0:
         raise NotFound(NO_ATTEMPT)
     given = row[at]
-    answer = (
-        "" if given.is_script else given.text if question is None else kind_of(question).show(question, given.answer)
-    )
+    answer = "" if given.is_script else given.text if question is None else show_answer(question, given.answer)
     changes = compare_scripts(row[at - 1].text, given.text) if at and given.is_script else None
     stops = [Stop(attempt.id, attempt.attempt, attempt.badge.word) for attempt in row]
     return Reel(stops, at, given, build_card(given), answer, changes)

@@ -24,7 +24,7 @@ from grader.errors import CallerError, NotFound, Outdated, Unprocessable
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.library import Library
-from grader.questions import Question, kind_of
+from grader.questions import Question, kind_of, show_answer
 from grader.store import submissions
 from grader.store.reviewing import reviews as stored
 from grader.store.reviewing.reviews import AGREED, DIFFERS, WaitingQuestion, find_comments
@@ -327,7 +327,7 @@ def describe_question(library: Library, quiz: str, question: Question | None, gi
     if question is None:
         return {"answer": given.text}
     kind = kind_of(question)
-    text = kind.show(question, given.answer)
+    text = show_answer(question, given.answer)
     return {
         "view": present_question(library, quiz, question),
         "answer": text,
