@@ -127,7 +127,9 @@ def test_operations_have_short_ids_that_stay_and_one_tag_each(document: dict[str
         words[0].removesuffix(":"): words[1:]
         for words in (block.split() for block in re.split(r"\n(?! )", OPERATIONS.strip()))
     }
-    assert {tag: sorted(ids) for tag, ids in by_tag.items()} == {tag: sorted(ids) for tag, ids in pinned.items()}
+    assert {tag: sorted(ids) for tag, ids in by_tag.items()} == {tag: sorted(ids) for tag, ids in pinned.items()}, (
+        "write the id of a new route beside its tag into OPERATIONS of this file"
+    )
     ids = [one for some in by_tag.values() for one in some]
     assert len(set(ids)) == len(ids)
     assert [tag["name"] for tag in document["tags"]] == [*pinned]

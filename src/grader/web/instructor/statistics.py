@@ -1,7 +1,7 @@
 """`/instructor/statistics`: how hard each question is, what it tells apart, and what goes wrong. It needs no script."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from fastapi import Query, Request
@@ -18,7 +18,7 @@ from grader.web.frame.rendering import page
 from grader.web.instructor.quiz_choice import choose_quiz
 from grader.web.instructor.statistics_plots import draw_bar, plot_estimates
 from grader.web.learner.pages import show_sign_in
-from grader.web.text.numbers import NARROW, capitalize, write_number, write_quantity
+from grader.web.text.numbers import NARROW, write_number, write_quantity
 from grader.web.text.questions import list_titles
 from grader.web.verdict.plots import draw_both
 
@@ -135,13 +135,14 @@ def describe_question(measured: QuestionStatistics, question: Question, title: s
 def describe_commonest(mistakes: Sequence[Bar], options: Sequence[Bar], clusters: Sequence[Bar]) -> str:
     """Says what most learners got wrong in one way, and how many; empty where no two did."""
     wrong = max((bar for bar in options if not bar.is_right), key=lambda bar: bar.learners, default=None)
+    told, given = (mistakes[0] if mistakes else None), (clusters[0] if clusters else None)
     for kind, bar in (
-        ("told most often", mistakes[0] if mistakes else None),
-        ("wrong option chosen most", wrong),
-        ("wrong number given most", clusters[0] if clusters else None),
+        ("Told most often", told and replace(told, words=name_family(told.words).name)),
+        ("Wrong option chosen most", wrong),
+        ("Wrong number given most", given),
     ):
         if bar is not None and bar.learners > 1:
-            return f"{capitalize(kind)}: {name_family(bar.words).name} ({bar.learners})"
+            return f"{kind}: {bar.words} ({bar.learners})"
     return ""
 
 
