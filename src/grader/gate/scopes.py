@@ -7,7 +7,11 @@ from grader.courses.people.identity import Scope
 RULES = (
     (r"GET", r"/results|/gradebook\.csv|/quizzes/[^/]+/statistics", Scope.RESULTS),
     (r".*", r"/quizzes/[^/]+/(extensions|policy|publication|results:recount)", Scope.REVIEW),
-    (r"GET", r"/me|/quizzes(/[^/]+(/questions/[^/]+/kit)?)?|/submissions(/[^/]+(/(comments|events|films))?)?", Scope.READ),
+    (
+        r"GET",
+        r"/me|/quizzes(/[^/]+(/questions/[^/]+/kit)?)?|/submissions(/[^/]+(/(comments|events|films))?)?",
+        Scope.READ,
+    ),
     (r"POST", r"/submissions|/submissions/[^/]+:stop|/answers:validate|/labs:run", Scope.ANSWER),
     (r".*", r"/reviews.*|/submissions/[^/]+/(review|comments).*", Scope.REVIEW),
     (r".*", r"/regrades.*", Scope.REGRADE),

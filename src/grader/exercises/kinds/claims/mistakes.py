@@ -8,8 +8,8 @@ from grader.exercises.kind import JudgedTrial
 from grader.exercises.kinds.claims import driver
 from grader.exercises.kinds.claims.judge import ClaimComparison, Outcome, capitalize
 from grader.exercises.kinds.claims.parameters import Floats, Problem
-from grader.exercises.kinds.claims.rules import RULES
-from grader.exercises.kinds.claims.wrong_values import Scene
+from grader.exercises.kinds.claims.rules import RULES, Rule, has_other_start
+from grader.exercises.kinds.claims.wrong_values import ENERGY, Scene
 
 Judged = JudgedTrial[Problem, Outcome]
 
@@ -23,6 +23,21 @@ POINTS_MIN = 2
 FIGURES_ROUGH = 3
 """Significant figures up to which a number counts as rounded."""
 
+STEPPING = frozenset({"mj_step", "mj_step1", "mj_step2", "rollout", "mj_Euler", "mj_RungeKutta", "mj_implicit"})
+"""Functions that a script measures with."""
+
+COMPUTING = frozenset({"enableflags", "mjENBL_ENERGY", "mj_energyPos", "mj_energyVel"})
+"""Names of a script that lets MuJoCo compute energies."""
+
+ZERO = "{label} is 0 in every case: what it is computed from never changes."
+NO_ENERGY = (
+    "{label} is 0 in every case: MuJoCo computes energies only where `model.opt.enableflags` has "
+    "`mjtEnableBit.mjENBL_ENERGY`, or where you call mj_energyPos and mj_energyVel."
+)
+NEVER_SETTLES = (
+    "{label} is the same in every case, as the end of a run is in which the motion never stays within the band: look "
+    "at how far it is from where it comes to rest."
+)
 SAME_EVERYWHERE = "{label} is the same in every case: measure it on the model and from the start that you are given."
 SAME_FOR_ALL_X = "{label} is the same for every x: use x."
 ROUNDED = "{label} is rounded too coarsely: return it as it was measured."
@@ -48,7 +63,8 @@ def name_the_mistake(judged: Sequence[Judged]) -> str | None:
     names = list(dict.fromkeys(comparison.claim.name for _, comparison in failed))
     for name in names:
         mine = [(trial.problem, comparison) for trial, comparison in failed if comparison.claim.name == name]
-        template = explain_simply(judged, name) or explain_by_rules(judged, mine)
+        template = explain_simply(judged, name) or explain_zero(judged, mine) or explain_by_rules(judged, mine)
+        template = template or explain_sameness(judged, name)
         if template is not None:
             return template.replace("{label}", capitalize(mine[0][1].claim.label))
     return None
@@ -73,24 +89,46 @@ def explain_missing(judged: Sequence[Judged]) -> str | None:
 
 
 def explain_simply(judged: Sequence[Judged], name: str) -> str | None:
-    """Returns the sentence of a claim that is the same in every case or for all x, or rounded."""
-    every = [
-        comparison for trial in judged for comparison in trial.judgement.outcome or () if comparison.claim.name == name
-    ]
-    given = [comparison.values for comparison in every if comparison.values is not None]
-    rights = [comparison.measured.values for comparison in every if comparison.values is not None]
+    """Returns the sentence of a claim that is rounded, or the same for all x, or in every case of a script that steps
+    nothing."""
+    every = list_comparisons(judged, name)
     wrong = [comparison for comparison in every if comparison.why and comparison.values is not None]
     if all(map(is_rounded, wrong)):
         return ROUNDED
-    if (
-        len(given) > 1
-        and all(np.array_equal(array, given[0]) for array in given)
-        and not all(np.allclose(right, rights[0], rtol=1e-3) for right in rights)
-    ):
-        return SAME_EVERYWHERE
+    if not judged[0].script.names & STEPPING and (same := explain_sameness(judged, name)):
+        return same
     if wrong[0].claim.form == "curve" and all(np.ptp(comparison.values) == 0 for comparison in wrong):  # type: ignore[arg-type]
         return SAME_FOR_ALL_X if any(len(comparison.measured.values) > 1 for comparison in wrong) else None
     return None
+
+
+def list_comparisons(judged: Sequence[Judged], name: str) -> list[ClaimComparison]:
+    """Returns the comparisons of a claim, in every case."""
+    return [
+        comparison for trial in judged for comparison in trial.judgement.outcome or () if comparison.claim.name == name
+    ]
+
+
+def explain_sameness(judged: Sequence[Judged], name: str) -> str | None:
+    """Returns the sentence of a claim that is the same in cases in which it should not be."""
+    given = [comparison for comparison in list_comparisons(judged, name) if comparison.values is not None]
+    first = given[0]
+    if all(np.array_equal(other.values, first.values) for other in given) and not all(  # type: ignore[arg-type]
+        np.allclose(other.measured.values, first.measured.values, rtol=1e-3) for other in given
+    ):
+        steps = bool(judged[0].script.names & STEPPING)
+        return NEVER_SETTLES if first.claim.quantity == "settling" and steps else SAME_EVERYWHERE
+    return None
+
+
+def explain_zero(judged: Sequence[Judged], wrong: Sequence[tuple[Problem, ClaimComparison]]) -> str | None:
+    """Returns the sentence of a claim that is 0 in every case."""
+    every = list_comparisons(judged, wrong[0][1].claim.name)
+    if any(comparison.values is None or comparison.values.any() for comparison in every):
+        return None
+    if ENERGY.search(every[0].claim.expr) and not judged[0].script.names & COMPUTING:
+        return NO_ENERGY
+    return explain_by_rules(judged, wrong, (has_other_start,)) or ZERO
 
 
 def is_rounded(comparison: ClaimComparison) -> bool:
@@ -107,13 +145,15 @@ def is_rounded(comparison: ClaimComparison) -> bool:
     )
 
 
-def explain_by_rules(judged: Sequence[Judged], wrong: Sequence[tuple[Problem, ClaimComparison]]) -> str | None:
+def explain_by_rules(
+    judged: Sequence[Judged], wrong: Sequence[tuple[Problem, ClaimComparison]], rules: Sequence[Rule] = RULES
+) -> str | None:
     """Returns the sentence of the first rule that gives the claim in every case in which it is wrong."""
     scenes = [(build_scene(judged, problem, comparison), comparison) for problem, comparison in wrong]
-    for index in range(len(RULES)):
+    for rule in rules:
         (first, one), *others = scenes
-        for sentence in list_matching(first, one, index):
-            if all(sentence in list_matching(scene, other, index) for scene, other in others):
+        for sentence in list_matching(first, one, rule):
+            if all(sentence in list_matching(scene, other, rule) for scene, other in others):
                 return sentence
     return None
 
@@ -121,12 +161,14 @@ def explain_by_rules(judged: Sequence[Judged], wrong: Sequence[tuple[Problem, Cl
 def build_scene(judged: Sequence[Judged], problem: Problem, comparison: ClaimComparison) -> Scene:
     """Returns the scene of a wrong claim."""
     outcome = next(trial.judgement.outcome for trial in judged if trial.problem is problem)
-    return Scene(problem, comparison.claim, comparison.measured, tuple(each.measured.values for each in outcome))
+    steps = bool(judged[0].script.names & STEPPING)
+    rights = tuple(each.measured.values for each in outcome)
+    return Scene(problem, comparison.claim, comparison.measured, rights, steps=steps)
 
 
-def list_matching(scene: Scene, comparison: ClaimComparison, index: int) -> Iterator[str]:
+def list_matching(scene: Scene, comparison: ClaimComparison, rule: Rule) -> Iterator[str]:
     """Yields the sentences of a rule whose wrong values are the learner's."""
-    for sentence, values in RULES[index](scene):
+    for sentence, values in rule(scene):
         if values is not None and is_near(comparison, values):
             yield sentence
 

@@ -2,84 +2,21 @@
 sentence holds a number of the case; `{label}` stands for the name of the claim."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from math import log, pi
+from collections.abc import Callable, Iterator, Sequence
+from math import pi
 
 import numpy as np
 
-from grader.domain.quantities import BASE_UNITS, TIMES, QuantityName
+from grader.domain.quantities import BASE_UNITS, TIMES
 from grader.exercises.kinds.claims.measuring import STEPS_MAX
 from grader.exercises.kinds.claims.parameters import Floats
+from grader.exercises.kinds.claims.related_numbers import FACTORS, GENERAL, INSTEAD, UNITS
 from grader.exercises.kinds.claims.wrong_values import Scene
 from grader.experiments.runs import Variant
 
+Rule = Callable[[Scene], "Found"]
 Found = Iterator[tuple[str, Floats | None]]
 """Sentences, and what the claim is where they are true; None where that cannot be measured."""
-
-UNITS: Mapping[str, Sequence[tuple[float, str]]] = {
-    "s": ((1000, "ms"),), "ms": ((1e-3, "s"),), "m": ((1000, "mm"), (100, "cm")), "mm": ((1e-3, "m"),),
-    "cm": ((1e-2, "m"),), "rad": ((180 / pi, "degrees"),), "deg": ((pi / 180, "rad"),), "°": ((pi / 180, "rad"),),
-    "rad/s": ((180 / pi, "degrees per second"), (1 / (2 * pi), "Hz")), "Hz": ((2 * pi, "rad/s"), (1000, "mHz")),
-    "deg/s": ((pi / 180, "rad/s"),), "m/s": ((1000, "mm/s"),), "%": ((0.01, "parts of one"),), "": ((100, "percent"),),
-    "N": ((1e-3, "kN"),), "J": ((1e-3, "kJ"), (1000, "mJ")), "kg": ((1000, "g"),), "W": ((1e-3, "kW"),),
-    "1/s": ((1e-3, "1/ms"), (1 / (2 * pi), "Hz")),
-}  # fmt: skip
-"""Factors between a unit and others that are taken for it, with their names."""
-
-INSTEAD: Mapping[QuantityName, Sequence[tuple[QuantityName, str]]] = {
-    "final": (("max", "the largest value of the run, not the one at its end"),
-              ("min", "the smallest value of the run, not the one at its end"),
-              ("mean", "the mean over the run, not the value at its end")),
-    "max": (("min", "the smallest value, not the largest"), ("final", "the value at the end, not the largest"),
-            ("peak_to_peak", "the distance from the lowest to the highest value, not the highest"),
-            ("amplitude", "half the distance from the lowest to the highest value, not the highest"),
-            ("rms", "an effective value (rms), not the largest"), ("mean", "the mean over the run, not the largest")),
-    "min": (("max", "the largest value, not the smallest"), ("final", "the value at the end, not the smallest"),
-            ("mean", "the mean over the run, not the smallest")),
-    "mean": (("final", "the value at the end, not the mean"), ("max", "the largest value, not the mean"),
-             ("rms", "an effective value (rms), not the mean")),
-    "rms": (("amplitude", "the amplitude, not the effective value (rms)"), ("max", "the largest value, not the rms"),
-            ("mean", "the mean, not the effective value (rms)")),
-    "amplitude": (("peak_to_peak", "the distance from peak to peak: the amplitude is half of it"),
-                  ("max", "the largest value: the amplitude is measured from the mean, not from 0"),
-                  ("rms", "an effective value (rms), not the amplitude")),
-    "peak_to_peak": (("amplitude", "the amplitude: from peak to peak is twice as far"),
-                     ("max", "the largest value, not the distance from peak to peak")),
-    "decay_rate": (),
-    "crossing": (),
-}  # fmt: skip
-"""What is measured in place of a quantity."""
-
-FACTORS: Mapping[QuantityName, Sequence[tuple[Callable[[Floats], Floats], str]]] = {
-    "period": (
-        (lambda right: right / 2, "half a period: the motion comes by twice in each period, once in either direction"),
-        (lambda right: right / 4, "a quarter of a period: from a turning point to the middle"),
-        (lambda right: 2 * right, "two periods"),
-        (lambda right: 1 / right, "the frequency: the period is one over it"),
-        (lambda right: 2 * pi / right, "the angular frequency: the period is 2π over it"),
-    ),
-    "frequency": (
-        (lambda right: 2 * right, "twice the frequency: the motion comes by twice in each period"),
-        (lambda right: right / 2, "half the frequency"),
-        (lambda right: 1 / right, "the period: the frequency is one over it"),
-        (lambda right: 2 * pi * right, "the angular frequency, which is 2π times the frequency"),
-    ),
-    "decay_rate": (
-        (lambda right: 1 / right, "the time constant: the rate is one over it"),
-        (lambda right: log(2) / right, "the half-life, not the rate"),
-        (lambda right: 2 * right, "twice the rate, as energies decay: the motion itself decays at half of it"),
-        (lambda right: right / 2, "half the rate"),
-        (lambda right: right / log(10), "computed with logarithms to the base 10: take the natural one, `np.log`"),
-    ),
-    "amplitude": ((lambda right: right / 2, "half the amplitude"),),
-}  # fmt: skip
-"""Numbers that follow from the right one, and what they are."""
-
-GENERAL: Sequence[tuple[Callable[[Floats], Floats], str]] = (
-    (lambda right: 2 * right, "{label} is twice what it should be."),
-    (lambda right: right / 2, "{label} is half of what it should be."),
-    (lambda right: 1 / right, "{label} is one over what it should be."),
-)
 
 NOT_RESET = (
     "{label} is measured in a run that begins where another one has ended: reset the data, or make a new one, before "
@@ -89,6 +26,9 @@ NOT_RESET = (
 WAVE = re.compile(r"\b(sin|cos)\(\s*([\d.]+)\s*\*\s*data\.time")
 WAVE_IN_HERTZ = re.compile(r"\b(sin|cos)\(\s*2\s*\*\s*Math\.PI\s*\*\s*([\d.]+)\s*\*\s*data\.time")
 """Drives by an angular frequency, and by a frequency."""
+
+RUNS_S = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0)
+"""Lengths of runs that people choose [s]."""
 
 LENGTHS = (0.1, 0.5, 2.0, 10.0)
 """Lengths of other runs, over the one that is asked for."""
@@ -100,13 +40,29 @@ FINER = (2.0, 4.0, 10.0, 0.5, 0.1)
 def is_formula(scene: Scene) -> Found:
     """The author's formula in place of a measurement, or a measurement of something else that the author names."""
     formula = scene.claim.formula
-    if formula is not None:
+    if formula is not None and not takes_degrees(scene):
         yield (
             f"{{label}} is what {formula.text} gives. {formula.why}",
             (scene.read_first(formula.expr)),
         )
     for other in scene.claim.instead:
         yield f"{{label}} is {other.what}.", scene.measure_as(scene.claim.quantity, expr=other.expr)
+
+
+def takes_degrees(scene: Scene) -> bool:
+    """Whether the x of a curve are angles that a script, which steps the model, may take for degrees: from angles so
+    small the formula of small ones holds."""
+    axis = scene.problem.axis
+    return scene.steps and axis is not None and axis.unit == "rad" and scene.claim.form == "curve"
+
+
+def has_x_in_degrees(scene: Scene) -> Found:
+    """Angles of the x that are taken for degrees."""
+    if takes_degrees(scene):
+        yield (
+            "{label} is that of runs whose x was taken for degrees: it is in radians already.",
+            scene.read(x_scale=pi / 180),
+        )
 
 
 def is_another_claim(scene: Scene) -> Found:
@@ -139,34 +95,52 @@ def is_other_measure_of_damping(scene: Scene) -> Found:
     """The decay from one peak to the next, or the damping ratio, in place of a rate."""
     frequency = scene.measure_as("frequency")
     if frequency is not None:
-        yield "{label} is the decay from one peak to the next: divide it by the period.", scene.right / frequency
+        sentence = "{label} is the decay from one peak to the next: divide it by the time between them."
+        yield sentence, scene.right / frequency
+        yield sentence, scene.right / frequency / 2
         turning = np.hypot(2 * pi * frequency, scene.right)
         yield "{label} is the damping ratio: multiply it by the natural frequency, in rad/s.", scene.right / turning
 
 
 def miscounts_periods(scene: Scene) -> Found:
-    """The time of all periods over the number of crossings, which is one more."""
-    counts = scene.measure_as("crossings")
-    if counts is not None and counts.min() > 1:
-        share = (counts / scene.claim.scale - 1) / (counts / scene.claim.scale)
-        right = scene.right * share if scene.claim.quantity == "period" else scene.right / share
-        yield "{label} counts one period too many: between n crossings lie n - 1.", right
+    """The time of all periods over the number of crossings, which is one more, in runs of usual lengths; or the moment
+    of a crossing, counted from the start."""
+    is_period = scene.claim.quantity == "period"
+    every = scene.list_crossings(max(RUNS_S))
+    for seconds in RUNS_S if every is not None else ():
+        counts = np.array([np.sum(moments <= seconds) for moments in every or ()])
+        if counts.min() > 1:
+            share = (counts - 1) / counts
+            right = scene.right * share if is_period else scene.right / share
+            yield "{label} counts one period too many: between n crossings lie n - 1.", right
+    for direction in ("up", "down"):
+        for count in (1, 2):
+            moment = scene.measure_as("crossing", direction=direction, count=count)
+            if moment is not None:
+                yield (
+                    "{label} is counted from the start of the run: take the time from one crossing to the next alike.",
+                    moment if is_period else scene.claim.scale**2 / moment,
+                )
 
 
 def has_transient(scene: Scene) -> Found:
     """The whole run, where its begin is to be left out."""
     if scene.claim.since > 0:
-        yield (
-            "{label} is measured from the start: the transient is included. Wait until it has died away.",
-            scene.measure_as(scene.claim.quantity, since=0.0),
-        )
+        sentence = "{label} is measured from the start: the transient is included. Wait until it has died away."
+        for name in (scene.claim.quantity, *(other for other, _ in INSTEAD.get(scene.claim.quantity, ()))):
+            yield sentence, scene.measure_as(name, since=0.0)
+        if scene.claim.quantity == "amplitude":
+            yield sentence, scene.measure_as("max", since=0.0, expr=f"Math.abs({scene.claim.expr})")
 
 
 def is_other_quantity(scene: Scene) -> Found:
     """Another quantity of the same run."""
     for name, what in INSTEAD.get(scene.claim.quantity, ()):
-        yield f"{{label}} is {what}.", scene.measure_as(name)
+        values = scene.measure_as(name)
+        if values is None or not np.allclose(values, scene.right / 2):  # which is said below
+            yield f"{{label}} is {what}.", values
     if scene.claim.quantity == "settling" and (level := find_level(scene)) is not None:
+        yield from settles_otherwise(scene, level)
         for direction in ("down", "up"):
             band = scene.claim.band or 0.0
             edge = level + band if direction == "down" else level - band
@@ -176,6 +150,26 @@ def is_other_quantity(scene: Scene) -> Found:
             )
     if scene.claim.quantity != "trace":
         yield "{label} is the value at the start: nothing was simulated.", scene.read_first(scene.claim.expr)
+
+
+def settles_otherwise(scene: Scene, level: float) -> Found:
+    """A settling time into another band, about another place, or on one side alone."""
+    claim, end_s = scene.claim, scene.claim.seconds or scene.problem.seconds
+    if level:
+        about_zero = scene.measure_as("settling", level=0.0)
+        sentence = "{label} is measured about 0: the band lies about the place where the motion comes to rest."
+        yield sentence, np.array([end_s * claim.scale]) if about_zero is None else about_zero
+    first = scene.read_first(claim.expr)
+    for share in (0.02, 0.05) if first is not None and len(first) == 1 else ():
+        band = share * abs(level - float(first[0]))  # type: ignore[index]
+        if band > 0:
+            sentence = f"{{label}} is that into a band of {100 * share:g} % of the way: the task asks for another band."
+            yield sentence, scene.measure_as("settling", band=band)
+    for side in ("max", "min"):
+        yield (
+            "{label} looks at one side alone: take the size of the distance, by abs.",
+            scene.measure_as("settling", level=level, expr=f"Math.{side}({claim.expr}, {level!r})"),
+        )
 
 
 def is_other_width(scene: Scene) -> Found:
@@ -305,7 +299,7 @@ def reads_other_sensor(scene: Scene) -> Found:
 def has_other_integrator(scene: Scene) -> Found:
     """Another integrator than the model's."""
     for name, values in scene.list_integrators():
-        yield f"{{label}} is what the integrator {name} gives, which is not that of the experiment.", values
+        yield f"{{label}} is what the integrator {name}, which is not that of the experiment.", values
 
 
 def has_other_timestep(scene: Scene) -> Found:
@@ -361,10 +355,10 @@ def is_multiple(scene: Scene) -> Found:
             yield sentence, change(scene.right)
 
 
-RULES: Sequence[Callable[[Scene], Found]] = (
-    is_formula, has_other_integrator, is_another_claim, is_in_other_unit, is_related_number, has_transient,
-    is_other_quantity, is_other_width, has_wrong_sign, is_mixed_up, is_other_crossing, counts_steps, has_other_start,
-    misses_reset, reads_other_sensor, has_other_drive, is_relative, has_other_timestep, is_one_step_off,
-    is_of_another_length, is_multiple,
+RULES: Sequence[Rule] = (
+    has_x_in_degrees, is_formula, has_other_integrator, is_another_claim, is_in_other_unit, is_related_number,
+    has_transient, is_other_quantity, is_other_width, has_wrong_sign, is_mixed_up, is_other_crossing, counts_steps,
+    has_other_start, misses_reset, reads_other_sensor, has_other_drive, is_relative, has_other_timestep,
+    is_one_step_off, is_of_another_length, is_multiple,
 )  # fmt: skip
 """In this order: what is most likely and most telling first."""

@@ -12,6 +12,7 @@ from grader.domain.quantities import QuantityName
 from grader.errors import LabRefused
 from grader.exercises.kinds.claims.measuring import MeasuredClaim, list_points, read_series, read_value
 from grader.exercises.kinds.claims.parameters import Claim, Experiment, Floats, Problem, compile_text
+from grader.experiments.quantities import find_rises
 from grader.experiments.regime import RegimeFailure
 from grader.experiments.runs import SAME, LabRun, Variant, VerifyError
 from grader.numerics.integrators import INTEGRATORS
@@ -23,6 +24,9 @@ ELEMENT = re.compile(r"data\.(qpos|qvel|sensordata)\[(\d+)\]")
 NAMED = re.compile(r"lib\.(sensor|qpos|qvel)\((['\"])([^'\"]+)\2\)")
 ENERGY = re.compile(r"lib\.energy\(\)\.(total|kinetic|potential)|data\.energy\[[01]\]")
 PLACE = re.compile(r"(lib\.(?:body|site|geom)Pos\([^()]*\)|lib\.com\(\))\[(\d)\]")
+
+ALIKE = 1e-6
+"""How near numbers of two integrators are that are the same for a learner, relatively."""
 
 END = ("data.qpos", "data.qvel", "data.act")
 
@@ -36,10 +40,13 @@ class Other:
 
 
 class Scene:
-    """A failed claim in its case, and the runs at the model's own timestep that wrong values are read from."""
+    """A failed claim in its case, and the runs at the model's own timestep that wrong values are read from. The script
+    `steps` the model, or has no call that does."""
 
-    def __init__(self, problem: Problem, claim: Claim, measured: MeasuredClaim, all_right: tuple[Floats, ...]) -> None:
-        self.problem, self.claim, self.measured, self.all_right = problem, claim, measured, all_right
+    def __init__(
+        self, problem: Problem, claim: Claim, measured: MeasuredClaim, all_right: tuple[Floats, ...], *, steps: bool
+    ) -> None:
+        self.problem, self.claim, self.measured, self.all_right, self.steps = problem, claim, measured, all_right, steps
         self._runs: dict[tuple[Experiment, Variant, tuple[str, ...]], tuple[LabRun, Floats]] = {}
 
     @property
@@ -60,14 +67,21 @@ class Scene:
             self._runs[key] = read_series(experiment, exprs, variant)
         return self._runs[key]
 
-    def read(self, claim: Claim | None = None, variant: Variant = SAME, **changes: object) -> Floats | None:
-        """Returns the numbers of the claim, or of another in its place; `changes` are those of its experiments. None
-        where they cannot be measured."""
+    def read(
+        self, claim: Claim | None = None, variant: Variant = SAME, x_scale: float = 1.0, **changes: object
+    ) -> Floats | None:
+        """Returns the numbers of the claim, or of another in its place; `changes` are those of its experiments, and the
+        x of a curve are multiplied by `x_scale`. None where they cannot be measured."""
         claim = claim or self.claim
         try:
             return np.array(
                 [
-                    self.read_one(claim, replace(experiment, **changes), variant, at_s)  # type: ignore[arg-type]
+                    self.read_one(
+                        claim,
+                        replace(experiment, value=x_scale * experiment.value, **changes),  # type: ignore[arg-type]
+                        variant,
+                        at_s,
+                    )
                     for experiment, at_s in list_points(self.problem, claim)
                 ]
             )
@@ -113,12 +127,33 @@ class Scene:
             )
 
     def list_integrators(self) -> Iterator[tuple[str, Floats]]:
-        """Yields what each other integrator gives at the model's own timestep, unless it is the same."""
+        """Yields what each other integrator gives at the model's own timestep, unless it is the same. Those that give
+        the same number stand together."""
         own = self.read()
+        found: list[tuple[list[str], Floats]] = []
         for integrator in INTEGRATORS:
             values = self.read(variant=Variant(integrator=integrator.code))
-            if values is not None and (own is None or not np.array_equal(values, own)):  # the setup may have chosen one
-                yield integrator.name, values
+            if values is None or (own is not None and np.array_equal(values, own)):  # the setup may have chosen one
+                continue
+            alike = next((names for names, others in found if np.allclose(values, others, rtol=ALIKE)), None)
+            if alike is None:
+                found.append(([integrator.name], values))
+            else:
+                alike.append(integrator.name)
+        for (first, *others), values in found:
+            yield f"{first} gives" + (f", as {' and '.join(others)} here" if others else ""), values
+
+    def list_crossings(self, seconds: float) -> list[Floats] | None:
+        """Returns the moments of the upward crossings of the claim's level [s], in each run of so many seconds."""
+        try:
+            series = [
+                (np.array(run.times), values[:, 0])
+                for experiment, _ in list_points(self.problem, self.claim)
+                for run, values in [self.run(replace(experiment, seconds=seconds), SAME, (self.claim.expr,))]
+            ]
+        except (RegimeFailure, VerifyError, LabRefused, ValueError):
+            return None
+        return [find_rises(times, values, self.claim) for times, values in series]
 
     def read_without_reset(self) -> Iterator[Floats]:
         """Yields what the claim is if its run begins where another one has ended: after its last step, or one more, as

@@ -58,6 +58,12 @@ WRITES = (
     "The function writes data.{parts}: that is a copy, so that it moves nothing. The grader simulates on its own; only "
     "the controls that you return, or leave in data.ctrl, act."
 )
+NONE = "The function returns None, and leaves data.ctrl as it was: return the control."
+HARDLY = "In this motion the controls hardly depend on {name}."
+SHARES = (
+    "The controls are far too small, and would be right as shares of what the actuator gives: return them in its unit, "
+    "times its largest control."
+)
 NOTHING = "The controls never change: the function does not use what it observes."
 RETURNS = (
     "The function writes data.ctrl and returns a value, too: what it returns counts, and that never changes. Return "
@@ -77,6 +83,7 @@ STALE = (
 )
 SIGN = "The gain on {name} has the wrong sign: it pushes away from the target, or feeds the motion that it should damp."
 MISSING = "The controls do not depend on {name}."
+MISSING_HERE = "In this motion the controls do not depend on {name}: look for a limit that holds its error fast."
 DEGREES_END = "is off by the factor between degrees and radians: the sensors tell radians."
 DEGREES = f"The gain on {{name}} {DEGREES_END}"
 TARGET_DEGREES = f"The target, as the controls use it, {DEGREES_END}"
@@ -150,11 +157,13 @@ def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged])
         return next((candidate for candidate in sentences if candidate.endswith(DEGREES_END)), TUNED)
     if are_truth_values(judged):
         return TRUTH
-    sentence = next(iter(sentences), None)
+    sentence = TARGET_DEGREES if TARGET_DEGREES in sentences else next(iter(sentences), None)
     if sentence == HANGS and ignores_target(parameters, judged):
         return MISSING.format(name="the target")
     if sentence == NOTHING and any("ctrl" in parts for parts in written):
         sentence = RETURNS
+    elif sentence == NOTHING and returns_none(parameters, wrong):
+        sentence = NONE
     return CONSTANT if sentence == NOTHING and not is_always_the_same(judged) else sentence
 
 
@@ -162,6 +171,12 @@ def is_always_the_same(judged: Sequence[Judged]) -> bool:
     """Whether the controls are the same in every step of every episode."""
     asked = [record.asked for each in judged for record in each.judgement.outcome.records if len(record.asked)]
     return not asked or bool(np.ptp(np.vstack(asked), axis=0).max() == 0)
+
+
+def returns_none(parameters: ControllerParameters, judged: Sequence[Judged]) -> bool:
+    """Whether a function that may leave its controls in the data returned None."""
+    values = [value for each in judged for value in each.trace.returned_values]
+    return parameters.form == "control" and bool(values) and all(value.type == "NoneType" for value in values)
 
 
 def are_truth_values(judged: Sequence[Judged]) -> bool:
@@ -225,6 +240,8 @@ def find_in_law(parameters: ControllerParameters, problem: Problem, record: Reco
     if law.differentiates and any(record.episode.noise.values()):
         yield NOISE
     yield from find_wrong_load(law)
+    if are_shares(parameters, problem, law):
+        yield SHARES
     yield from find_swapped(parameters, problem, law)
     yield from find_wrong_gains(parameters, problem, law)
     if law.integral * law.gains[track] > 0 and measure_shares(record, law)[track] > SAME:
@@ -292,20 +309,25 @@ def find_in_rough_law(
     for name, allowed in parameters.law.items():
         least = min(abs(allowed.low), abs(allowed.high)) * record.observed[:, columns[name]].std()
         if least > UNUSED * record.asked[:, 0].std():
-            certain.append(MISSING.format(name=name))
-    yield from (sentence for sentence in find_wrong_gains(parameters, problem, rough) if sentence in certain)
+            certain += [MISSING.format(name=name), MISSING_HERE.format(name=name)]
+    hardly = {MISSING.format(name=name): HARDLY.format(name=name) for name in parameters.law}
+    for sentence in find_wrong_gains(parameters, problem, rough):
+        if sentence in certain:
+            yield hardly.get(sentence, sentence)
 
 
 def aims_in_degrees(parameters: ControllerParameters, problem: Problem, record: Record, law: FittedLaw | None) -> bool:
     """Whether a law with sensible gains on what is observed vanishes at rest where the target would be, were its number
-    one of degrees."""
+    one of degrees, or turned into radians once more."""
     columns = find_columns(parameters, problem)
     gain = 0.0 if law is None else float(law.gains[columns[parameters.track]])
     if law is None or not parameters.has_target or not gain or any(find_wrong_gains(parameters, problem, law)):
         return False
     aims = -(law.constant + np.nan_to_num(law.gains[-1]) * record.target) / gain
-    wanted = np.degrees(record.target)
-    return bool(np.all(np.abs(aims - wanted) <= NEAR * np.abs(wanted)))
+    return any(
+        bool(np.all(np.abs(aims - wanted) <= NEAR * np.abs(wanted)))
+        for wanted in (np.degrees(record.target), np.radians(record.target))
+    )
 
 
 def measure_shares(record: Record, law: FittedLaw) -> Floats:
@@ -345,12 +367,35 @@ def find_wrong_gains(parameters: ControllerParameters, problem: Problem, law: Fi
     """Yields what is wrong with the gains, by the ranges of the author's `law`."""
     columns = find_columns(parameters, problem)
     gains = {name: float(law.gains[columns[name]]) for name in parameters.law}
+    found = {
+        name: classify_gain(gain, *parameters.law[name], differentiated=law.differentiates)
+        for name, gain in gains.items()
+    }
+    if sum(not what for what in found.values()) < 2:  # small gains alone are no angles in radians
+        small = {name for name, gain in gains.items() if abs(gain) < min(map(abs, parameters.law[name]))}
+        found = {name: LITTLE if name in small and what == DEGREES else what for name, what in found.items()}
     for template in (SIGN, DEGREES, MISSING, LARGE, LITTLE):
-        for name, gain in gains.items():
+        for name, what in found.items():
             if template == MISSING and law.integral and name == parameters.track:  # its error is summed
                 continue
-            if classify_gain(gain, *parameters.law[name], differentiated=law.differentiates) == template:
-                yield template.format(name=name)
+            if what == template:
+                is_limited = template == MISSING and name == parameters.track and parameters.has_target
+                yield (MISSING_HERE if is_limited else template).format(name=name)
+
+
+def are_shares(parameters: ControllerParameters, problem: Problem, law: FittedLaw) -> bool:
+    """Whether several gains are far too small, and sensible times the largest control of the actuator."""
+    columns, model = find_columns(parameters, problem), problem.model
+    gains = {name: float(law.gains[columns[name]]) for name in parameters.law}
+    known = {name: gain for name, gain in gains.items() if np.isfinite(gain) and name != "target"}
+    most = float(np.abs(model.actuator_ctrlrange[0]).max())
+    if not model.actuator_ctrllimited[0] or most <= FAR:
+        return False
+    small = [name for name, gain in known.items() if abs(gain) < min(map(abs, parameters.law[name]))]
+    return len(small) > 1 and not any(
+        classify_gain(most * gain, *parameters.law[name], differentiated=law.differentiates)
+        for name, gain in known.items()
+    )
 
 
 def classify_gain(gain: float, low: float, high: float, *, differentiated: bool) -> str:
@@ -360,6 +405,8 @@ def classify_gain(gain: float, low: float, high: float, *, differentiated: bool)
         return ""
     sign = 1.0 if low > 0 else -1.0
     size, least, most = sign * gain, min(abs(low), abs(high)), max(abs(low), abs(high))
+    if 0 < size < least / FAR and least <= size * degrees(1) <= most:
+        return DEGREES
     if abs(size) < SMALL * least:
         return "" if differentiated else MISSING
     if size > FAR * most and least <= size / degrees(1) <= most:
