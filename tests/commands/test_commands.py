@@ -19,6 +19,7 @@ from grader.courses.people.identity import DEFAULT_COURSE
 from grader.domain.policy import Extension
 from grader.store import extensions, people
 from grader.store.engine.database import Database
+from grader.studies.bench import STUDIES
 from support import command_line
 
 ROOT = Path(__file__).parents[2]
@@ -368,3 +369,8 @@ def test_a_content_folder_that_is_not_there_is_one_line(tmp_path: Path) -> None:
     done = grader("grade", "1.3-check", "q1", "1", content=tmp_path / "nowhere")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "quizzes: *.json: there is no folder nowhere (GRADER_CONTENT or GRADER_COURSES names it)\n"
+
+
+def test_the_help_of_bench_names_every_benchmark() -> None:
+    text = grader("bench", "--help").stdout
+    assert [name for name in STUDIES if name not in text] == []

@@ -72,7 +72,8 @@ def bench(
     name: Annotated[
         str,
         typer.Argument(
-            help="precision, stability, regions, energy, adaptive, skip, models, service, script or deadline"
+            help="precision, stability, regions, energy, adaptive, skip, models, batches, impacts, quantities, "
+            "service, script or deadline"
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder for JSON, CSV and pictures.")] = Path("out"),

@@ -45,7 +45,8 @@ class Status(StrEnum):
 
 class Finding(BaseModel):
     """The outcome of one criterion; `passed` is None if it is undecided. With "reveal": "direction", `direction` takes
-    the place of `message`; None: no message there."""
+    the place of `message`; None: no message there. A list of two numbers in `measured` or `expected` is an interval;
+    give several numbers by name, in a dict."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 

@@ -180,9 +180,10 @@ class _Survey:
         self.evaluation_s = min(run.cpu * h / method.evaluations for (method, h), run in runs.items())
         moved = self.meter.excursion(start.rollout)
         if moved <= self.tolerance:
+            what, ending = ("positions", "") if self.meter.quantity is None else ("quantity", "s")
             raise QuantityStill(
-                f"the {'positions' if self.meter.quantity is None else 'quantity'} "
-                + ("never move" if moved == 0 else f"move by {moved:.2g} only")
+                f"the {what} "
+                + (f"never move{ending}" if moved == 0 else f"move{ending} by {moved:.2g} only")
                 + f" within {self.meter.seconds:g} s, and a tolerance of {self.tolerance:g} allows any method"
             )
         times = np.unique(np.concatenate([self.meter.times_of(h) for h in (own[1], SAMPLE_S)]))
