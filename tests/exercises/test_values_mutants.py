@@ -53,6 +53,8 @@ def grade(pipeline: Pipeline) -> Callable[[str], Verdict]:
     [
         ("- 0.5", "+ 0.5", "one sign changed", 9),
         ("np.sin", "np.cos", "another function in one place", 5),
+        ("np.sin(values)", "np.sin(np.deg2rad(values))", "converted to radians that is in radians already", 5),
+        ("np.sin(values)", "np.sin(np.rad2deg(values))", "one angle in degrees where radians are needed", 5),
         ("3.0 * a -", "6.0 * a -", "one number twice as large", 9),
         ("b**2", "b", "another power", None),
         (" - 0.5 * b**2", "", "one term left out", None),

@@ -403,6 +403,7 @@ def test_the_digest_moves_with_everything_a_verdict_depends_on(root: Path) -> No
         ({**MCQ, "options": ["$a", "b"]}, "q1.options.0"),
         ({**NUMERIC, "unit": "parsnips"}, "q1.unit"),
         ({**without(NUMERIC, "tol"), "answer": 0}, "q1.tol"),
+        ({**NUMERIC, "tol": 6}, "q1.tol"),
     ],
 )
 def test_what_is_suspicious_is_a_warning(root: Path, question: Any, key: str) -> None:

@@ -37,7 +37,7 @@ def open_pipeline(library: "Library", jailed: bool = True) -> Iterator["Pipeline
         yield Pipeline(library, jail.run)
 
 
-@cli.command()
+@cli.command(context_settings={"ignore_unknown_options": True})  # an answer may begin with a minus
 def grade(
     quiz: str,
     question: str,

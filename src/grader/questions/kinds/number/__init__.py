@@ -50,12 +50,14 @@ class NumberQuestion(Target, Drawable, Question):
 
 
 def target_warnings(target: Target) -> Iterator[Remark]:
-    """Yields remarks on a unit and a tolerance that accept fewer answers than their author may expect."""
+    """Yields remarks on a unit and a tolerance that accept fewer answers than their author may expect, or more."""
     if target.unit and known_unit(target.unit) is None:
         cure = f"correct it{suggest_unit(target.unit)}, or keep it where it counts things"
         yield Remark("unit", f"{target.unit!r} is not a known unit, so that nothing is converted: {cure}")
     if target.tolerance == 0 and target.tol is None:
         yield Remark("tol", "2 % of 0 is 0: give tol, or only an exact 0 is right")
+    if target.answer and target.tolerance >= abs(target.answer):
+        yield Remark("tol", "it is as large as the answer, so that 0 is right too: give a smaller one")
 
 
 def list_typed_numbers(target: Target) -> list[str]:
@@ -75,7 +77,7 @@ class Number(QuestionKind[NumberQuestion, Quantity]):
     question = NumberQuestion
 
     def warnings(self, question: NumberQuestion) -> Iterator[Remark]:
-        """Yields units and tolerances that accept fewer answers than their author may expect."""
+        """Yields units and tolerances that accept fewer answers than their author may expect, or more."""
         return target_warnings(question)
 
     def sample_answers(self, question: NumberQuestion) -> Sequence[str]:

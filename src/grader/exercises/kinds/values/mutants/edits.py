@@ -178,9 +178,9 @@ def propose_calls(node: ast.Call) -> Iterator[tuple[str, ast.AST]]:
     if len(node.args) == 1 and name in LEFT_OUT:
         yield "left out", node.args[0]
     if len(node.args) == 1 and name in TURNING:
-        for factor in (pi / 180, 180 / pi):
+        for kind, factor in (("degrees", pi / 180), ("in degrees", 180 / pi)):
             angle = ast.BinOp(node.args[0], ast.Mult(), ast.Constant(factor))
-            yield "degrees", ast.Call(node.func, [angle], node.keywords)
+            yield kind, ast.Call(node.func, [angle], node.keywords)
     if name in COUNTING and node.args:
         for place in range(min(len(node.args), 2)):
             for step in (ast.Add(), ast.Sub()):

@@ -49,7 +49,8 @@ MISTAKES: Mapping[str, str] = {
     "comparison": "one comparison that is turned round, or that has `<` in the place of `<=`: check both sides of it.",
     "function": "another function in one place, such as sine for cosine: check which one belongs there.",
     "left out": "one function left out, such as a root or a conversion: check what each number is before it is used.",
-    "degrees": "one angle converted between degrees and radians that is in radians already: leave it as it is.",
+    "degrees": "one angle converted to radians that is in radians already: leave it as it is.",
+    "in degrees": "one angle in degrees where radians are needed: sine, cosine and tangent take radians.",
     "arguments": "two arguments of one function exchanged: check their order.",
     "transpose": "one matrix that is not transposed where it should be: check its rows and columns.",
     "field": "another field of model or data in one place, such as a frame's origin for a centre of mass: check each.",
@@ -67,7 +68,8 @@ REPAIRS: Mapping[str, str] = {
     "order": "the order of one difference, quotient or product",
     "twice": "a number that is off by a factor of 2", "half": "a number that is off by a factor of 2",
     "function": "one function, such as sine for cosine", "left out": "one function too many",
-    "degrees": "a conversion between degrees and radians", "arguments": "the order of two arguments",
+    "degrees": "a conversion between degrees and radians", "in degrees": "a conversion between degrees and radians",
+    "arguments": "the order of two arguments",
     "transpose": "one transpose too many", "field": "the field of model or data", "call": "one call too many",
     "update": "one update too many", "statements": "the order of two statements",
 }  # fmt: skip
@@ -76,6 +78,7 @@ REPAIRS: Mapping[str, str] = {
 ALIKE: Mapping[str, Sequence[str]] = {
     "sign": ("sign", "negative", "order"), "negative": ("sign", "negative", "order"), "twice": ("twice", "half"),
     "half": ("twice", "half"), "quotient": ("quotient", "order"), "index": ("index", "comparison"),
+    "degrees": ("degrees", "in degrees"), "in degrees": ("degrees", "in degrees"),
 }  # fmt: skip
 """Kinds of edits of which one mends what another of the author's program has shown."""
 
