@@ -171,3 +171,26 @@ def test_every_field_has_a_key_of_its_own_that_simulation_confirms() -> None:
     assert [(one.key.place, one.certificate is not None and one.certificate.ok) for one in certified] == [
         ("fields.0", True), ("fields.1", True),
     ]  # fmt: skip
+
+
+HALF = [
+    {"id": name, "label": name, "answer": value, "tol": 0.01} for name, value in (("w", 0.6), ("x", 0), ("z", -0.8))
+]
+
+
+@pytest.mark.parametrize(
+    ("given", "status", "points"),
+    [
+        ((0.6, 0, -0.8), Status.CORRECT, 3),
+        ((-0.6, 0, 0.8), Status.CORRECT, 3),
+        ((-0.6, 0, -0.8), Status.PARTIAL, 2),  # one sign alone is another rotation
+        ((0.8, 0, 0.6), Status.PARTIAL, 1),
+    ],
+)
+def test_all_numbers_together_may_have_either_sign(given: tuple[float, ...], status: Status, points: float) -> None:
+    answer = dict(zip("wxz", given, strict=True))
+    verdict = grade_answer(asked(*HALF, either_sign=True), answer)
+    assert (verdict.status, verdict.points) == (status, points)
+    turned = tuple(-value for value in given)
+    assert grade_answer(asked(*HALF, either_sign=True), dict(zip("wxz", turned, strict=True))).points == points
+    assert grade_answer(asked(*HALF), {"w": -0.6, "x": 0, "z": 0.8}).status is Status.PARTIAL

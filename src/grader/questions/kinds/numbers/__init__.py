@@ -49,12 +49,14 @@ def _distinct_ids(fields: tuple[NumberField, ...]) -> tuple[NumberField, ...]:
 
 class NumbersQuestion(Drawable, Question):
     """Several numbers. The points of the question are the sum of those of its fields; `sim` is a simulation that the
-    learner sees after the answer."""
+    learner sees after the answer. With `either_sign` all numbers together may have the other sign, as a quaternion or
+    an eigenvector may."""
 
     kind: Literal["numbers"]
     fields: Annotated[tuple[NumberField, ...], Field(min_length=1, max_length=PARTS_MAX), AfterValidator(_distinct_ids)]
     reveal: Reveal | None = None
     sim: LabConfig | None = None
+    either_sign: bool = False
 
     @property
     def sum_of_points(self) -> float:
@@ -159,7 +161,14 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
         return "; ".join(f"{field.name}: {answer[field.id]}" for field in question.fields)
 
     def grade(self, question: NumbersQuestion, answer: Mapping[str, Quantity]) -> Verdict:
-        """Gives the points of each field for a number within its tolerance; names the slips behind wrong ones."""
+        """Gives the points of each field for a number within its tolerance; names the slips behind wrong ones. With
+        `either_sign` the sign counts that gives more points."""
+        verdict = self._grade(question, answer)
+        if question.either_sign and verdict.points < verdict.max_points:
+            return max(verdict, self._grade(negate(question), answer), key=lambda either: either.points)
+        return verdict
+
+    def _grade(self, question: NumbersQuestion, answer: Mapping[str, Quantity]) -> Verdict:
         pairs = list(zip(question.fields, self.answer_keys(question), strict=True))
         graded = [grade_number(key, answer[field.id], field.points, field.id, field.name) for field, key in pairs]
         findings, slips = [finding for finding, _ in graded], [slip for _, slip in graded]
@@ -196,6 +205,12 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
              ({"T": "2.23"}, Status.INVALID_ANSWER), ({"T": "2.23", "w": "3 kg"}, Status.INVALID_ANSWER),
              ({"T": "2.23", "w": "2.82", "f": "1"}, Status.INVALID_ANSWER), (2.23, Status.INVALID_ANSWER)],
         )  # fmt: skip
+
+
+def negate(question: NumbersQuestion) -> NumbersQuestion:
+    """Returns a question whose numbers have the other sign."""
+    fields = tuple(field.model_copy(update={"answer": -field.answer}) for field in question.fields)
+    return question.model_copy(update={"fields": fields})
 
 
 def _is_given(field: NumberField, answer: Mapping[str, Any]) -> bool:
