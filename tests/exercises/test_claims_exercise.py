@@ -56,7 +56,7 @@ def test_a_program_is_judged_and_named_as_expected(path: Path, pipeline: Pipelin
     verdict = grade(pipeline, path.parent.name, source)
     assert verdict.status == status, verdict.diagnosis
     assert (diagnosis or "") in (verdict.diagnosis or "")
-    assert all(len(row) == len(table["head"]) for table in verdict.evidence["tables"] for row in table["rows"])
+    assert all(len(row) == len(table["head"]) for table in verdict.evidence.get("tables", ()) for row in table["rows"])
     json.dumps(verdict.evidence, allow_nan=False)
 
 

@@ -74,6 +74,25 @@ def find_view(script: ParsedScript, fields: Sequence[str]) -> int | None:
     return min((line for line, value in values if any(is_field(value, field) for field in fields)), default=None)
 
 
+CHANGING = ("qpos", "qvel", "qacc", "act", "ctrl", "sensordata", "xpos", "xquat", "site_xpos", "energy")
+"""Fields of data that a simulation goes on changing."""
+
+
+def find_appended_view(script: ParsedScript) -> tuple[int, str] | None:
+    """Returns the first line that appends a field of data to a list without a copy, and the field; None where none
+    does."""
+    found = [
+        (node.lineno, field)
+        for node in script.nodes
+        if isinstance(node, ast.Call) and read_name(node.func) == "append"
+        for argument in node.args
+        for value in list_items(argument)
+        for field in CHANGING
+        if is_field(value, field)
+    ]
+    return min(found, default=None)
+
+
 def list_kept_values(script: ParsedScript) -> Iterator[tuple[int, ast.expr]]:
     """Yields each value that a script keeps, with its line."""
     for node in script.nodes:

@@ -12,6 +12,8 @@ from grader.errors import JailFault
 from grader.exercises.crashes import explain_hidden_slip
 from grader.exercises.explaining.claims import CLAIMS, Evidence, correct_sentence
 from grader.exercises.explaining.places import find_landmark
+from grader.exercises.explaining.script import ParsedScript
+from grader.exercises.explaining.values import find_appended_view
 from grader.exercises.kind import JudgedTrial, Kind, Mistake
 from grader.exercises.parameters import ExerciseParameters
 from grader.exercises.running.measuring import Run
@@ -25,6 +27,7 @@ NUMBERS_MAX, FIGURES_MAX = 12, 2
 
 log = structlog.get_logger()
 
+VIEW = "Line {line} appends data.{field} itself, which goes on changing: append a copy, data.{field}.copy()."
 OTHER_MODEL = "The model there is another one: take sizes and addresses from the model that you are given."
 
 
@@ -53,6 +56,7 @@ def diagnose(
         return None, None
     if first not in whole:
         message = f"{message} {OTHER_MODEL}" if first.hidden and kind.needs_model else message
+        message = tell_view(message, first.script)
         return Mistake(message), message
     slip = explain_hidden_slip([trial.trace for trial in whole if not trial.counts and trial.hidden == first.hidden])
     slip = slip and correct_sentence(slip, gather_evidence(whole))
@@ -70,6 +74,13 @@ def diagnose(
     line = mistake.line or find_landmark(sentence, evidence.script, kind.landmarks)
     mistake = replace(mistake, sentence=sentence, line=line)
     return mistake, plain if kind.mistakes_tell_size else mistake.sentence
+
+
+def tell_view(message: str, script: ParsedScript) -> str:
+    """Returns the message of an exception, with the line that appends a field of data itself, if there is one: what
+    such a list holds is the same number again and again, in which nothing crosses and nothing moves."""
+    view = find_appended_view(script)
+    return message if view is None else f"{message} {VIEW.format(line=view[0], field=view[1])}"
 
 
 def find_first(judged: Sequence[tuple[AnyJudged, str]]) -> tuple[AnyJudged | None, str]:

@@ -20,7 +20,7 @@ from grader.exercises.findings import AnyJudged, build_findings, build_ids, buil
 from grader.exercises.judgement import list_counting
 from grader.exercises.kind import JudgedTrial
 from grader.exercises.running.authored import find_authored_sentence
-from grader.exercises.running.diagnosing import describe_success, diagnose, find_plain, note_fault
+from grader.exercises.running.diagnosing import describe_success, diagnose, find_plain, note_fault, tell_view
 from grader.exercises.running.driver_faults import refuse_driver_faults
 from grader.exercises.running.evidence import build_evidence
 from grader.exercises.running.measuring import Run, limit_cpu
@@ -85,7 +85,8 @@ def judge_results(question: ScriptQuestion, plan: Plan, report: RunReport, run: 
     if ends[0] is not None and all(ends):
         visible = {choose_message(trial) for trial in judged if not trial.hidden}
         first = choose_message(judged[0])
-        return build_failure(question, ends[0], first if len(visible) == 1 else f"{titles[0]}: {first}", findings)
+        why = tell_view(first if len(visible) == 1 else f"{titles[0]}: {first}", script)
+        return build_failure(question, ends[0], why, findings)
     whole = [trial for trial, end in zip(judged, ends, strict=True) if not end]
     sentences = [f"{title}: {choose_message(trial)}" for title, trial in zip(titles, judged, strict=True)]
     authored = partial(
