@@ -106,6 +106,13 @@ RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
         lambda match: f'use the model that you are given, or mjcourse.model_path("{match[1].rpartition("/")[2]}")',
     ),
     (
+        re.compile(r"ValueError: Error: repeated name '"),
+        lambda _: (
+            "the function is called for each case in the same process, and an MjSpec keeps what was added to it: make "
+            "a new one in each call"
+        ),
+    ),
+    (
         re.compile(r"SyntaxError: .*\(line \d+: ([%!][^)]*)\)"),
         lambda match: f"{match[1]} is a command of a notebook, not Python: delete that line",
     ),
@@ -190,4 +197,4 @@ def explain_hidden_slip(traces: Sequence[Trace]) -> str | None:
 
 def add_article(name: str) -> str:
     """Returns the name with its article."""
-    return f"{'an' if name[:1] in tuple('AEIOU') else 'a'} {name}"
+    return f"{'an' if name[:1].upper() in tuple('AEIOU') or name[:2] == 'Mj' else 'a'} {name}"

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grader.exercises.crashes import add_article
 from grader.exercises.judgement import Judgement, Part, Results
 from grader.exercises.kinds.model import measuring
 from grader.exercises.kinds.model.parameters import Goal, Problem, list_asked_names
@@ -17,6 +18,12 @@ from grader.exercises.kinds.model.xml_faults import explain_xml
 from grader.exercises.parameters import WrongInCase
 
 LINE = re.compile(r"\b[Ll]ine (\d{1,6})\b")
+NO_MODEL = "There is no model."
+RETURN = "return MJCF text, or a mujoco.MjSpec"
+KNOWN_TYPES = {
+    "Element", "ElementTree", "MjData", "MjModel", "PosixPath", "bool", "dict", "float", "int", "list", "tuple",
+}  # fmt: skip
+"""Types that are named where a function returns them: another name may be the student's, with numbers of the case."""
 FIGURES = 5
 FAULTS_MAX = 3
 """Most expressions of a goal that its finding says something of."""
@@ -33,12 +40,14 @@ QUATERNION = re.compile(r"quat\b")
 @dataclass(frozen=True)
 class ModelOutcome:
     """What was measured: of each goal the values of the student's model, as the measuring program reports them; the
-    `geoms` of both models; and `error`, why MuJoCo could not compile the student's."""
+    `geoms` of both models; and `error`, why MuJoCo could not compile the student's, or, with `is_plain`, the whole
+    sentence on it."""
 
     goals: Sequence[Mapping[str, Any]] = ()
     geoms: Sequence[Any] = ()
     reference_geoms: Sequence[Any] = ()
     error: str = ""
+    is_plain: bool = False
     missing: Sequence[str] = ()
 
     @property
@@ -65,6 +74,9 @@ def judge_model(problem: Problem, results: Results) -> Judgement[ModelOutcome]:
     submitted, reference = report["model"], report["reference"]
     if "error" in reference:
         raise ValueError(f"the reference cannot be measured: {reference['error']}")
+    if "returned" in submitted or submitted.get("braces"):
+        sentence = explain_no_model(submitted)
+        return Judgement(False, NO_MODEL, ModelOutcome(error=sentence, is_plain=True))
     if "error" in submitted:
         error = explain_xml(" ".join(str(submitted["error"]).split()))
         return Judgement(False, "MuJoCo cannot compile the model.", ModelOutcome(error=error))
@@ -79,6 +91,20 @@ def judge_model(problem: Problem, results: Results) -> Judgement[ModelOutcome]:
     )
     message = next((part.message for part in parts if not part.passed), "The model is as it should be.")
     return Judgement(all(part.passed for part in parts), message, outcome, parts=tuple(parts))
+
+
+def explain_no_model(submitted: Mapping[str, Any]) -> str:
+    """Returns what to hand over in place of what is no model."""
+    returned = str(submitted.get("returned", ""))
+    if returned == measuring.FILE:
+        return "What is handed over looks like the name of a file: hand over the MJCF itself, <mujoco> ... </mujoco>."
+    if not returned:
+        return f'In the MJCF, {submitted["braces"]}: in Python, an f-string fills the braces, f"...".'
+    if returned == "NoneType":
+        return f"The function returns nothing: {RETURN}."
+    what = add_article(returned) if returned in KNOWN_TYPES else "something else"
+    compiled = ", not the compiled model" if returned == "MjModel" else ""
+    return f"The function returns {what}: {RETURN}{compiled}."
 
 
 def require_values(problem: Problem) -> None:

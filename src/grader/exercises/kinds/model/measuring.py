@@ -11,6 +11,8 @@ import numpy as np
 
 READS_FILES = re.compile(r"<\s*(?:include|extension)\b|\bfile\w*\s*=", re.IGNORECASE)
 """Anywhere in the text, in a comment as well: what is a comment is MuJoCo's to say."""
+FILE_NAME = re.compile(r"\s*[^\s<>][^<>\n]{0,200}\.(?:xml|mjcf)\s*", re.IGNORECASE)
+FILE = "name of a file"
 NO_FILES = 'A model that is handed in reads no file: leave out <include>, <extension>, and every file="...".'
 
 SAMPLES = 64
@@ -34,13 +36,17 @@ NAMED = {
 
 def measure(inputs: Mapping[str, Any], results: Mapping[str, Any], submit: Callable[[str, Any], None]) -> None:
     """Submits what is measured of the student's model and of the reference, as JSON."""
-    text = bytes(results["mjcf"]).decode(errors="replace")
-    report = {"model": describe(text, inputs), "reference": describe(inputs["reference"], inputs)}
+    if "returned" in results:
+        model = {"returned": bytes(results["returned"]).decode(errors="replace")}
+    else:
+        model = describe(bytes(results["mjcf"]).decode(errors="replace"), inputs)
+    report = {"model": model, "reference": describe(inputs["reference"], inputs)}
     submit("report", np.frombuffer(json.dumps(report).encode(), dtype=np.uint8))
 
 
 def describe(text: str, inputs: Mapping[str, Any], *, halved: bool = True) -> dict[str, Any]:
-    """Returns `error`, why the text cannot be compiled; or `goals`, for each goal the values of its expressions, the
+    """Returns `error`, why the text cannot be compiled, and what `braces` were not filled; `returned`, what it is in
+    place of a model; or `goals`, for each goal the values of its expressions, the
     `names` of the elements, and the `geoms` where the case begins. With `halved` runs are made with half the timestep
     as well."""
     if READS_FILES.search(text):
@@ -48,7 +54,9 @@ def describe(text: str, inputs: Mapping[str, Any], *, halved: bool = True) -> di
     try:
         model = mujoco.MjModel.from_xml_string(text)
     except (ValueError, mujoco.FatalError) as error:
-        return {"error": str(error)[:400]}
+        if FILE_NAME.fullmatch(text):
+            return {"returned": FILE}
+        return {"error": str(error)[:400], "braces": find_braces(text, str(error))}
     names = {kind: list_names(model, which) for kind, which in NAMED.items()}
     mujoco.mj_resetCallbacks()
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
@@ -66,6 +74,20 @@ def describe(text: str, inputs: Mapping[str, Any], *, halved: bool = True) -> di
                 measured["within"][expression] = collect(moments, expression)
         geoms = geoms or moments[0].get(GEOMS, [])
     return {"goals": goals, "names": names, "geoms": geoms}
+
+
+def find_braces(text: str, error: str) -> str:
+    """Returns which braces stand in the attribute that the compiler cannot read, as `pos of <inertial> has {height} in
+    place of a number`; empty for none."""
+    named = re.search(r"bad format in attribute '(\w+)'\s+Element '(\w+)'", error)
+    if named is None:
+        return ""
+    found = re.search(
+        rf"<{named[2]}\s(?:[^<>]{{0,500}}\s)?{named[1]}\s*=\s*[\"'][^\"'<>{{}}]{{0,200}}(\{{[\w.: +*/()-]{{0,40}}\}})",
+        text,
+        re.ASCII,
+    )
+    return f"{named[1]} of <{named[2]}> has {found[1]} in place of a number" if found else ""
 
 
 GEOMS = "geoms of the first moment"

@@ -44,6 +44,8 @@ def name_plain_mistake(judged: Judged) -> Mistake | None:
     if first is None:
         return None
     outcome, is_program = first.judgement.outcome, first.script.tree is not None
+    if outcome.is_plain:
+        return Mistake(outcome.error)
     if is_program or not PLAIN.match(outcome.error):
         sentence = f"MuJoCo cannot compile the model: {outcome.error}"
         return Mistake(sentence, None if is_program else outcome.line)

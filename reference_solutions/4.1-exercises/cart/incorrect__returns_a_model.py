@@ -1,4 +1,4 @@
-# diagnosis: return MJCF text, or a mujoco.MjSpec
+# diagnosis: The function returns an MjModel: return MJCF text, or a mujoco.MjSpec, not the compiled model
 """A compiled model is no text."""
 
 import mujoco

@@ -1,0 +1,3 @@
+# diagnosis: The function returns nothing
+def make_cart(mass, height, gear):
+    print("<mujoco/>")
