@@ -114,6 +114,8 @@ def make_cart_pole() -> Iterator[Policy]:
     yield "incorrect__flat", {"W1": gains.ravel()}, "W1 has the shape (4,) instead of (4, 1)"
     yield "incorrect__shares_of_the_range", {"W1": gains / 20}, "Multiply the last layer by half the range"
     yield "incorrect__variance_in_place_of_std", {"W1": gains * std[:, None], "mean": 0 * mean, "std": std**2}, "works with the square root of std"
+    yield "incorrect__inverse_of_std", {"W1": gains * std[:, None], "mean": 0 * mean, "std": 1 / std}, "works with 1 / std"
+    yield "incorrect__signs_of_the_cart", {"W1": gains * [[-1], [1], [-1], [1]]}, "takes cart and cart_rate with the opposite sign"
     yield "incorrect__normalised_twice", {"W1": gains, "mean": mean, "std": std}, "normalised twice"
     yield "incorrect__without_mean_and_std", {"W1": gains * NORMALISED_CART_POLE[:, None]}, "works on normalised observations"
     yield "incorrect__whole_numbers", {"W1": gains.round().astype(int)}, "W1 holds int64 numbers"
@@ -199,6 +201,9 @@ def make_drone() -> Iterator[Policy]:
     yield "correct__float16", {name: array.astype(np.float16) for name, array in right.items()}, ""
     yield "incorrect__rotors_exchanged", {**right, "W2": right["W2"][:, ::-1], "b2": bias}, "works once its controls are exchanged"
     yield "incorrect__newtons", {**right, "W2": 5 * right["W2"], "b2": np.full(2, hover)}, "works if its outputs are controls"
+    unit = {**right, "W2": right["W2"] / 2, "b2": np.full(2, hover / 10)}
+    yield "incorrect__shares_from_zero", unit, "shares of the actuators' ranges from 0 to 1"
+    yield "incorrect__full_weight_on_each", {**right, "b2": np.full(2, (2 * hover - 5) / 5)}, "is divided by 2, the number of actuators"
     yield "incorrect__dead_units", {**right, "b1": np.full(12, -50.0)}, "(dead units)"
     yield "incorrect__sign_of_the_tilt", {**right, "W1": both * np.array([1, 1, -1, 1, 1, 1])[:, None]}, "takes tilt with the opposite sign"
     beside = [0, 3, 1, 4, 2, 5]

@@ -21,6 +21,12 @@ PERIODS = (2.0, 0.5, 4.0, 0.25, 5.0, 0.2, 10.0, 0.1)
 WIDTH_MAX = 12
 """Observations up to which every exchange of two, and every sign, is tried."""
 
+TINY = 1e-300
+"""A std of less is taken for this one where it is inverted."""
+
+SIGNS_MAX = 6
+"""Observations up to which the signs of every two are tried."""
+
 TRANSPOSED = (
     "The policy works with {names} transposed: PyTorch's nn.Linear keeps its weight as (out, in), and here x @ W is "
     "computed. Save layer.weight.T."
@@ -33,6 +39,7 @@ ACTIVATION = (
     "The policy works with {used} between its layers, and this exercise runs it with {declared}: train with {declared}."
 )
 VARIANCE = "The policy works with the square root of std: save the standard deviation as std, not the variance."
+INVERSE = "The policy works with 1 / std: save the standard deviation as std, not its inverse."
 TWICE = (
     "The policy works without the mean and std of the file: what is observed is normalised twice. Leave them out, or "
     "keep the weights as they were trained."
@@ -43,6 +50,14 @@ MISSING = (
 SHARES = (
     "The policy works if its outputs are shares of the actuators' ranges, from -1 to 1; this exercise takes them as "
     "controls. Multiply the last layer by half the range before you save it."
+)
+UNIT_SHARES = (
+    "The policy works if its outputs are shares of the actuators' ranges from 0 to 1, the lower end to the upper one. "
+    "Convert the last layer before you save it."
+)
+REST = (
+    "The policy works once the constant part of its controls, those where every observation is 0, is divided by "
+    "{number}, the number of actuators: each of them may have got the whole of it."
 )
 CONTROLS = (
     "The policy works if its outputs are controls; this exercise takes them as shares of the actuators' ranges, from "
@@ -55,6 +70,7 @@ ORDER = (
 )
 SIGN = "The controls have the wrong sign: the policy works once they are negated."
 SIGN_OF = "The policy takes {name} with the opposite sign: it works once this observation is negated."
+SIGNS_OF = "The policy takes {names} with the opposite sign: it works once both observations are negated."
 DEGREES = (
     "The policy works on angles in degrees, and it observes radians: train on radians, or multiply the rows of W1 that "
     "belong to angles by 180/pi."
@@ -90,6 +106,24 @@ def list_variants(parameters: PolicyParameters, problem: Problem, network: Netwo
         steps = problem.steps * factor
         if steps == int(steps) and problem.periods / factor >= 2:
             yield Variant(SLOWER if factor > 1 else FASTER, network.act, factor)
+    yield from list_rare(parameters, problem, network)
+
+
+def list_rare(parameters: PolicyParameters, problem: Problem, network: Network) -> Iterator[Variant]:
+    """Yields the policy with outputs as shares from 0 to 1, with less where nothing is observed, and with the signs of
+    two observations."""
+    low, high = list_limits(problem.model)
+    yield Variant(UNIT_SHARES, replace(network, limits=(2 * low - high, high)).act)
+    names, controls = list_columns(parameters, problem), problem.model.nu
+    width = network.layers[0][0].shape[0]
+    with np.errstate(all="ignore"):
+        rest = network.act(np.zeros(width)) * (1 - 1 / controls)
+    if np.isfinite(rest).all() and rest.any():
+        yield Variant(REST.format(number=controls), lambda seen: network.act(seen) - rest)
+    for pair in combinations(range(width), 2) if width <= SIGNS_MAX else ():
+        sign = np.where(np.isin(np.arange(width), pair), -1.0, 1.0)
+        sentence = SIGNS_OF.format(names=" and ".join(names[i] for i in pair))
+        yield Variant(sentence, lambda seen, sign=sign: network.act(seen * sign))  # type: ignore[misc]
 
 
 def find_middle(network: Network) -> Floats:
@@ -128,6 +162,7 @@ def list_normalised(parameters: PolicyParameters, network: Network) -> Iterator[
     if network.normalisation is not None:
         mean, std = network.normalisation
         yield Variant(VARIANCE, replace(network, normalisation=(mean, np.sqrt(std))).act)
+        yield Variant(INVERSE, replace(network, normalisation=(mean, 1 / np.maximum(std, TINY))).act)
         yield Variant(TWICE, replace(network, normalisation=None).act)
     elif parameters.normalisation is not None:
         known = parameters.normalisation
