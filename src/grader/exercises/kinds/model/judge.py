@@ -24,6 +24,10 @@ KNOWN_TYPES = {
     "Element", "ElementTree", "MjData", "MjModel", "PosixPath", "bool", "dict", "float", "int", "list", "tuple",
 }  # fmt: skip
 """Types that are named where a function returns them: another name may be the student's, with numbers of the case."""
+COLLIDES = (
+    'Something collides {when}: write contype="0" and conaffinity="0" in every geom, or leave out a geom that was not '
+    "asked for."
+)
 FIGURES = 5
 FAULTS_MAX = 3
 """Most expressions of a goal that its finding says something of."""
@@ -33,6 +37,8 @@ NOISE = 1e-7
 """Numbers that are smaller, relative to the largest of the run, are shown as 0."""
 CODE = re.compile(r"\.(?:integrator|cone|solver|jacobian|\w*type)\b")
 """Expressions whose numbers stand for names, so that none is larger than another."""
+NO_RANGE = re.compile(r"model\.joint\('(\w+)'\)\.range")
+"""Expressions that are 0 of a joint that nothing limits."""
 QUATERNION = re.compile(r"quat\b")
 """Expressions whose sign does not matter: q and -q are the same rotation."""
 
@@ -199,6 +205,9 @@ def compare_same(goal: Goal, expression: str, one: Mapping[str, Any], other: Map
     error = min(errors, key=lambda each: float(np.nan_to_num(each, nan=np.inf).max(initial=0.0)))
     if bool(np.all(error <= goal.atol + goal.rtol * scale)):
         return ExpressionComparison("", measured, expected)
+    free = NO_RANGE.fullmatch(expression)
+    if free and not mine.any():
+        return ExpressionComparison(f"The joint {free[1]!r} has no range.", measured, expected)
     return ExpressionComparison(describe_difference(expression, mine, its), measured, expected)
 
 
@@ -230,6 +239,8 @@ def compare_range(
         return ExpressionComparison("", shorten(looked), [low, high])
     way = "too large" if bool(np.any(looked > high)) else "too small"
     when = "at some time" if goal.when == "always" and len(looked) > 1 else "at the end" if len(values) > 1 else ""
+    if expression == "data.ncon" and high == 0:
+        return ExpressionComparison(COLLIDES.format(when=when or "from the start"), float(looked.max()), [low, high])
     worst = looked.max() if way == "too large" else looked.min()
     return ExpressionComparison(
         f"{expression} is {way} {when}".rstrip() + ".", float(f"{worst:.{FIGURES}g}"), [low, high]

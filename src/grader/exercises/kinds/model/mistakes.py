@@ -31,6 +31,7 @@ MISSING = re.compile(
 """The begin of a sentence on an attribute that a variant leaves out."""
 
 SAME_MODEL = "The model does not depend on all of the numbers that the function gets."
+FIXED = "In every case the model has the {name} of the first, whatever the function gets."
 EXCHANGED = "The function takes {one} for {other}: mind the order of its arguments."
 PAIRS_MAX = 10
 """Pairs of numbers that may be exchanged: of five numbers all."""
@@ -62,7 +63,7 @@ def find_mistake(judged: Judged, run: Callable[[Job], RunReport]) -> Mistake | N
     catalogues = [list(islice(list_variants(text), most)) for text in texts]
     if len({len(catalogue) for catalogue in catalogues}) != 1:
         return None
-    rows = [*list_exchanged(judged, texts), *zip(*catalogues, strict=True)]
+    rows = [*list_exchanged(judged, texts), *list_fixed(judged, texts), *zip(*catalogues, strict=True)]
     if len(texts) > 1:
         rows.insert(0, (Variant(texts[0], SAME_MODEL),) * len(texts))
     trials = [
@@ -93,6 +94,19 @@ def list_exchanged(judged: Judged, texts: Sequence[str]) -> Iterator[tuple[Varia
             Variant(problems[text].write({**drawn, one: drawn[other], other: drawn[one]}), sentence)
             for text, drawn in zip(texts, numbers, strict=True)
         )
+
+
+def list_fixed(judged: Judged, texts: Sequence[str]) -> Iterator[tuple[Variant, ...]]:
+    """Yields, for each number that a function gets, the references in which it is always that of the first case."""
+    problems = {trial.problem.reference: trial.problem for trial in judged}
+    first = problems[texts[0]].numbers
+    for name in first:
+        numbers = [problems[text].numbers for text in texts]
+        if all(name in each for each in numbers) and any(each[name] != first[name] for each in numbers):
+            yield tuple(
+                Variant(problems[text].write({**drawn, name: first[name]}), FIXED.format(name=name))
+                for text, drawn in zip(texts, numbers, strict=True)
+            )
 
 
 def tell_written(sentence: str, source: str, variant: Variant) -> str:

@@ -76,6 +76,28 @@ def exchange(name: str, other: str) -> Change:
     return edit
 
 
+def rename(name: str, other: str) -> Change:
+    """Gives another attribute the value of one, which is left out."""
+
+    def edit(element: ET.Element) -> bool:
+        if name not in element.attrib:
+            return False
+        element.set(other, element.attrib.pop(name))
+        return True
+
+    return edit
+
+
+def rename_element(tag: str) -> Change:
+    """Gives an element another tag."""
+
+    def edit(element: ET.Element) -> bool:
+        is_other, element.tag = element.tag != tag, tag
+        return is_other
+
+    return edit
+
+
 def do_all(changes: Sequence[Change]) -> Change:
     """Makes several changes of an element."""
 
@@ -121,6 +143,24 @@ def negate(name: str) -> Change:
 def rotate(name: str, by: int) -> Change:
     """Writes the first numbers of an attribute last: of a quaternion w."""
     return rewrite(name, lambda numbers: numbers[by:] + numbers[:by])
+
+
+def double_turn(element: ET.Element) -> bool:
+    """Turns by twice the angle of a quaternion (w, v): to (w^2 - v^2, 2 w v)."""
+    return rewrite("quat", lambda q: [q[0] ** 2 - sum(v * v for v in q[1:]), *(2 * q[0] * v for v in q[1:])])(element)
+
+
+def turn_back(element: ET.Element) -> bool:
+    """Turns by the same angle the other way."""
+    return rewrite("quat", lambda q: [q[0], *(-v for v in q[1:])])(element)
+
+
+def widen_range(element: ET.Element) -> bool:
+    """Multiplies the range of the control by the gear, which is left out."""
+    gear = read(element.get("gear", ""))
+    if not gear or gear == [1.0] or "ctrlrange" not in element.attrib:
+        return False
+    return drop("gear")(element) and multiply("ctrlrange", gear[0])(element)
 
 
 def swap_ends(name: str) -> Change:

@@ -10,12 +10,14 @@ from math import pi
 
 from grader.exercises.kinds.model.slips import (
     ADVICE,
+    AXES,
     SHAPES,
     Change,
     become,
     change_axis,
     do_all,
     do_either,
+    double_turn,
     drop,
     exchange,
     hide,
@@ -25,15 +27,38 @@ from grader.exercises.kinds.model.slips import (
     put_into,
     read,
     remove_hidden,
+    rename,
+    rename_element,
     rotate,
     scale_angles,
     shift,
     shift_inertia,
     swap_ends,
+    turn_back,
+    widen_range,
 )
 
 Element = ET.Element
 LENGTHS = ("pos", "size", "fromto")
+ANGLES = {
+    "range": "The range of every joint that turns", "ref": "Every ref", "springref": "Every springref",
+    "euler": "Every euler", "axisangle": "Every axisangle",
+}  # fmt: skip
+"""What the compiler reads in its unit of angles, with the words for all of a model."""
+AS_RADIANS = (
+    'is in radians, and the compiler reads degrees: convert it, or write <compiler angle="radian"/> and all angles in '
+    "radians."
+)
+AS_DEGREES = (
+    'is in degrees, and the compiler reads radians: convert it, or leave out angle="radian" and write all angles in '
+    "degrees."
+)
+SENSORS = (
+    ("jointpos", "jointvel", "jointactuatorfrc"), ("actuatorpos", "actuatorvel", "actuatorfrc"),
+    ("tendonpos", "tendonvel"), ("accelerometer", "velocimeter", "gyro", "force", "torque"),
+    ("framepos", "framequat", "framelinvel", "frameangvel", "framelinacc", "frameangacc"),
+)  # fmt: skip
+"""Sensors that take the same attributes."""
 ACTUATORS = ("motor", "position", "velocity", "general", "damper", "intvelocity")
 
 
@@ -132,33 +157,34 @@ def list_variants(text: str) -> Iterator[Variant]:
     reference = Reference(text)
     for family in (
         vary_angles, vary_options, vary_joints, vary_masses, vary_sizes, vary_actuators, vary_missing, vary_tree,
-        vary_shapes, vary_exchanged,
+        vary_shapes, vary_exchanged, vary_sensors, vary_places,
     ):  # fmt: skip
         yield from family(reference)
 
 
 def vary_angles(reference: Reference) -> Iterator[Variant]:
     """Degrees and radians, and the order of a quaternion."""
-    compiler = reference.root.find("compiler")
-    in_degrees = compiler is None or compiler.get("angle", "degree") == "degree"
-    as_radians = 'is in radians, and the compiler reads degrees: convert it, or write <compiler angle="radian"/>'
-    as_degrees = 'is in degrees, and the compiler reads radians: convert it, or leave out angle="radian"'
-    of_all = {True: "Every angle " + as_radians, False: "Every angle " + as_degrees}
-    for factor in (pi / 180, 180 / pi):
-        sentence = of_all[factor < 1] + "."
-        yield from reference.edit(scale_angles(factor), reference.elements, sentence)
-        for element in reference.elements:
-            for name in ("range", "ref", "springref", "euler", "axisangle"):
-                which = f"The {name} of {reference.label(element)} {as_radians if factor < 1 else as_degrees}."
-                yield from reference.edit(scale_angles(factor, name), [element], which)
-    other = "radian" if in_degrees else "degree"
-    yield from reference.edit(put_into("compiler", "angle", other), [reference.root], of_all[not in_degrees] + ".")
+    there = [name for name in ANGLES if any(name in element.attrib for element in reference.elements)]
+    both = f"Every {' and every '.join(there)}"
+    for factor, units in ((pi / 180, AS_RADIANS), (180 / pi, AS_DEGREES)):
+        if len(there) > 1:
+            yield from reference.edit(scale_angles(factor), reference.elements, f"{both} {units}")
+        for name, every in ANGLES.items():
+            some = [element for element in reference.elements if name in element.attrib]
+            yield from reference.edit_both(
+                scale_angles(factor, name), some, f"{every} {units}", f"The {name} of {{}} {units}"
+            )
     for tag in ("position", "intvelocity"):
         which = "The ctrlrange of {} is in degrees: MuJoCo reads it in radians, whatever the compiler says."
         yield from reference.edit_each(multiply("ctrlrange", 180 / pi), reference.find(tag), which)
+    turning = [element for element in reference.elements if "quat" in element.attrib]
+    quat = "a quat is the cosine of half the angle, and the axis times its sine."
+    for change, how in ((double_turn, "twice as far as"), (turn_back, "the other way than")):
+        sentence = f"The orientation of {{}} is turned {how} was asked for: {quat}"
+        yield from reference.edit_each(change, turning, sentence)
     turned = "of {} has its numbers in the order x y z w: MuJoCo's order is w x y z."
     yield from reference.edit_both(
-        rotate("quat", 1), [element for element in reference.elements if "quat" in element.attrib],
+        rotate("quat", 1), turning,
         "Every quat has its numbers in the order x y z w: MuJoCo's order is w x y z.", f"The quat {turned}",
     )  # fmt: skip
 
@@ -189,11 +215,18 @@ def vary_joints(reference: Reference) -> Iterator[Variant]:
     """Axes, places and limits of joints."""
     joints = reference.find("joint")
     for axis in ("x", "y", "z"):
-        sentence = f"The axis of {{}} is wrong: it is the {axis} axis of its body."
-        yield from reference.edit_each(change_axis(axis), joints, sentence)
-    yield from reference.edit_each(
-        change_axis("-"), joints, "The axis of {} points the other way: its sense of turning is wrong."
-    )
+        sentence = f"is wrong: it is the {axis} axis of its body."
+        others = [joint for joint in joints if read(joint.get("axis", "0 0 1")) != read(AXES[axis])]
+        if len(others) == len(joints):
+            yield from reference.edit_both(
+                change_axis(axis), joints, f"The axis of every joint {sentence}", f"The axis of {{}} {sentence}"
+            )
+        else:
+            yield from reference.edit_each(change_axis(axis), joints, f"The axis of {{}} {sentence}")
+    yield from reference.edit_both(
+        change_axis("-"), joints, "The axis of every joint points the other way: the sense of turning is wrong.",
+        "The axis of {} points the other way: its sense of turning is wrong.",
+    )  # fmt: skip
     for joint in joints:
         body = reference.parents.get(joint)
         if body is not None and body.tag == "body" and "pos" in body.attrib:
@@ -219,6 +252,14 @@ def vary_masses(reference: Reference) -> Iterator[Variant]:
     yield from reference.edit_both(
         drop("mass"), geoms, "No geom has its mass, so that each has the density of water, 1000 kg/m^3.",
         "The mass of {} is missing, so that it has the density of water, 1000 kg/m^3.",
+    )  # fmt: skip
+    yield from reference.edit_both(
+        rename("mass", "density"), geoms, "The mass of every geom is written as its density.",
+        "The mass of {} is written as its density.",
+    )  # fmt: skip
+    yield from reference.edit_both(
+        rename("density", "mass"), reference.find("geom"), "The density of every geom is written as its mass.",
+        "The density of {} is written as its mass.",
     )  # fmt: skip
     for body in reference.find("body"):
         some = [element for element in body if element.tag == "geom" and "mass" in element.attrib]
@@ -291,6 +332,10 @@ def vary_actuators(reference: Reference) -> Iterator[Variant]:
             yield from reference.edit_each(
                 multiply(name, factor), actuators, f"The {name} of {{}} is {text} what was asked for."
             )
+    yield from reference.edit_each(
+        widen_range, actuators,
+        "The gear of {} is 1, and its ctrlrange is multiplied in its place: keep the ctrlrange, and write the gear.",
+    )  # fmt: skip
     for tag in ("motor", "position", "velocity"):
         others = [
             actuator
@@ -317,6 +362,9 @@ def vary_missing(reference: Reference) -> Iterator[Variant]:
         yield from reference.edit_both(
             drop(name), some, f"The {name} is missing everywhere{advice}.", f"The {name} of {{}} is missing{advice}."
         )
+    free = reference.find("freejoint")
+    if len(free) > 1:
+        yield from reference.edit(hide, free, "No body has its freejoint, so that nothing can move them.")
     for element in reference.find("joint", "freejoint", "exclude", "connect", "weld", "fixed"):
         sentence = f"{reference.label(element)} is missing."
         yield from reference.edit(hide, [element], sentence[0].upper() + sentence[1:])
@@ -364,3 +412,31 @@ def vary_exchanged(reference: Reference) -> Iterator[Variant]:
         for one, other in combinations(reference.find(tag), 2):
             for name in names:
                 yield from reference.exchange(name, one, other)
+
+
+def vary_sensors(reference: Reference) -> Iterator[Variant]:
+    """Sensors of something else, or of another joint."""
+    joints = [name for joint in reference.find("joint") if (name := joint.get("name"))]
+    for alike in SENSORS:
+        for sensor in reference.find(*alike):
+            name, own = sensor.get("name"), sensor.get("joint")
+            label = f'The sensor "{name}"' if name else f"A <{sensor.tag}>"
+            for tag in alike:
+                sentence = f"{label} is a <{tag}>, where a <{sensor.tag}> was asked for."
+                yield from reference.edit(rename_element(tag), [sensor], sentence)
+            for joint in joints if own else ():
+                sentence = f'{label} is on the joint "{joint}", where "{own}" was asked for.'
+                yield from reference.edit(put("joint", joint), [sensor], sentence)
+
+
+def vary_places(reference: Reference) -> Iterator[Variant]:
+    """One coordinate of a place that is halved, doubled, left out, or has the wrong sign."""
+    placed = [element for element in reference.elements if "pos" in element.attrib]
+    for at, axis in enumerate("xyz"):
+        for factor, text in (
+            (0.5, "half of what was asked for"), (2, "twice what was asked for"), (0, "0, where another was asked for"),
+            (-1, "of the wrong sign"),
+        ):  # fmt: skip
+            yield from reference.edit_each(
+                multiply("pos", factor, at), placed, f"The {axis} in the pos of {{}} is {text}."
+            )
