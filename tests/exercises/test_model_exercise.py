@@ -17,6 +17,7 @@ from grader.domain.run import Job, RunReport
 from grader.domain.verdict import Status, Verdict
 from grader.errors import ContentError
 from grader.exercises import plan_exercise
+from grader.exercises.kinds.model.measuring import find_braces, list_of_water
 from grader.exercises.kinds.model.variants import list_variants
 from grader.exercises.kinds.model.xml_faults import explain_xml
 from grader.grading.pipeline import Pipeline
@@ -191,6 +192,42 @@ def test_a_text_that_is_no_xml_is_told_so_in_plain_words(text: str, said: str) -
     with pytest.raises(ValueError, match="XML parse error") as error:
         mujoco.MjSpec.from_string(text)
     assert explain_xml(" ".join(str(error.value).split())).startswith(said)
+
+
+PLACED = "<mujoco><worldbody><body pos='0 0 {}'/></worldbody></mujoco>"
+
+
+@pytest.mark.parametrize("braces", ["{height}", "{height / 2:.3f}", "{}"])
+def test_braces_that_nothing_has_filled_are_shown(braces: str) -> None:
+    text = PLACED.replace("{}", braces)
+    with pytest.raises(ValueError, match="bad format") as error:
+        mujoco.MjModel.from_xml_string(text)
+    assert find_braces(text, str(error.value)) == f"pos of <body> has {braces} in place of a number"
+    assert not find_braces(PLACED.replace("{}", "up"), str(error.value))
+
+
+@pytest.mark.parametrize("kind", ["sphere", "capsule", "cylinder", "box", "ellipsoid"])
+def test_a_body_weighs_as_much_as_its_geoms_of_the_default_density(kind: str) -> None:
+    geom = f"<geom type='{kind}' size='.1 .2 .3'/><geom type='box' size='.1 .1 .1'/>"
+    bodies = (
+        f"<body name='a'>{geom}</body><body name='b'>{geom}<inertial mass='1' pos='0 0 0' diaginertia='1 1 1'/></body>"
+    )
+    assert list_of_water(mujoco.MjModel.from_xml_string(put_in(bodies))) == ["a"]
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        ("None", "The function returns nothing: return MJCF text, or a mujoco.MjSpec."),
+        ("mass", "The function returns a float: return MJCF text, or a mujoco.MjSpec."),
+        ("type(f'x{mass}', (), {})()", "The function returns something else: return MJCF text, or a mujoco.MjSpec."),
+        ("'models/cart.xml'", "What is handed over looks like the name of a file: hand over the MJCF itself, <mujoco>"),
+    ],
+)
+def test_what_is_no_model_is_told_what_to_return(pipeline: Pipeline, made: str, said: str) -> None:
+    verdict = grade(pipeline, f"def make_cart(mass, height, gear):\n    return {made}\n", "cart")
+    assert verdict.status is Status.INCORRECT
+    assert (verdict.diagnosis or "").startswith(said), verdict.diagnosis
 
 
 def test_other_messages_of_mujoco_stay() -> None:

@@ -2,8 +2,8 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Any
 
@@ -24,6 +24,11 @@ KNOWN_TYPES = {
     "Element", "ElementTree", "MjData", "MjModel", "PosixPath", "bool", "dict", "float", "int", "list", "tuple",
 }  # fmt: skip
 """Types that are named where a function returns them: another name may be the student's, with numbers of the case."""
+MASS = re.compile(r"model\.body\('(\w+)'\)\.mass(?:\[0\])?")
+OF_WATER = (
+    "The body {body!r} weighs as much as its geoms of 1000 kg/m^3, MuJoCo's default: write its mass in a geom or in an "
+    "<inertial>, which an MjSpec does with explicitinertial=True."
+)
 COLLIDES = (
     'Something collides {when}: write contype="0" and conaffinity="0" in every geom, or leave out a geom that was not '
     "asked for."
@@ -86,10 +91,11 @@ def judge_model(problem: Problem, results: Results) -> Judgement[ModelOutcome]:
     if "error" in submitted:
         error = explain_xml(" ".join(str(submitted["error"]).split()))
         return Judgement(False, "MuJoCo cannot compile the model.", ModelOutcome(error=error))
+    of_water = {*submitted["of_water"]} - {*reference["of_water"]}
     parts, missing = list[Part](), list[str]()
     for index, goal in enumerate(problem.case.goals):
         mine, its = submitted["goals"][index], reference["goals"][index]
-        compared = dict(compare_goal(goal, mine, its, submitted["names"]))
+        compared = explain_masses(dict(compare_goal(goal, mine, its, submitted["names"])), of_water)
         missing += [name for each in compared.values() for name in each.missing]
         parts.append(judge_goal(goal, str(index + 1), compared, runs=problem.case.seconds > 0))
     outcome = ModelOutcome(
@@ -184,6 +190,16 @@ def explain_missing(
     elif "" in there:
         fault += f', only one without a name: write name="{name}"'
     return ExpressionComparison(f"{fault}.", missing=(name,))
+
+
+def explain_masses(compared: Mapping[str, ExpressionComparison], of_water: Set[str]) -> dict[str, ExpressionComparison]:
+    """Returns the comparisons, with a sentence on each wrong mass that is that of the geoms of water."""
+    explained = dict(compared)
+    for expression, comparison in compared.items():
+        body = MASS.fullmatch(expression)
+        if comparison.fault and body and body[1] in of_water:
+            explained[expression] = replace(comparison, fault=OF_WATER.format(body=body[1]))
+    return explained
 
 
 def compare_same(goal: Goal, expression: str, one: Mapping[str, Any], other: Mapping[str, Any]) -> ExpressionComparison:

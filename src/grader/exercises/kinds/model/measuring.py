@@ -22,6 +22,8 @@ NUMBERS_MAX = 64
 NAMES_MAX = 200
 NOTHING: Any = None
 GEOMS_MAX = 200
+WATER = 1000.0
+"""The density of a geom that says nothing of its mass [kg/m^3]. Source: mjs_defaultGeom."""
 DRAWN_GROUP_MAX = 2
 """Geoms of higher groups are not drawn. Source: the default of mjvOption.geomgroup."""
 
@@ -45,10 +47,10 @@ def measure(inputs: Mapping[str, Any], results: Mapping[str, Any], submit: Calla
 
 
 def describe(text: str, inputs: Mapping[str, Any], *, halved: bool = True) -> dict[str, Any]:
-    """Returns `error`, why the text cannot be compiled, and what `braces` were not filled; `returned`, what it is in
-    place of a model; or `goals`, for each goal the values of its expressions, the
-    `names` of the elements, and the `geoms` where the case begins. With `halved` runs are made with half the timestep
-    as well."""
+    """Returns `error`, why the text cannot be compiled, with the `braces` in it that nothing has filled; `returned`,
+    what it is in place of a model; or `goals`, for each goal the values of its expressions, the `names` of the
+    elements, the bodies `of_water`, and the `geoms` where the case begins. With `halved` runs are made with half the
+    timestep as well."""
     if READS_FILES.search(text):
         return {"error": NO_FILES}
     try:
@@ -73,7 +75,7 @@ def describe(text: str, inputs: Mapping[str, Any], *, halved: bool = True) -> di
             for expression in goal["within"] if part == "same" else ():
                 measured["within"][expression] = collect(moments, expression)
         geoms = geoms or moments[0].get(GEOMS, [])
-    return {"goals": goals, "names": names, "geoms": geoms}
+    return {"goals": goals, "names": names, "geoms": geoms, "of_water": list_of_water(model)}
 
 
 def find_braces(text: str, error: str) -> str:
@@ -195,6 +197,21 @@ def list_names(model: mujoco.MjModel, kind: Any) -> list[str]:
         mujoco.mjtObj.mjOBJ_TENDON: model.ntendon,
     }[kind]  # fmt: skip
     return [(mujoco.mj_id2name(model, kind, at) or "")[:100] for at in range(min(count, NAMES_MAX))]
+
+
+def list_of_water(model: mujoco.MjModel) -> list[str]:
+    """Returns the names of the bodies that weigh as much as their geoms of MuJoCo's default density."""
+    a, b, c = model.geom_size.T
+    shape, kinds = model.geom_type, mujoco.mjtGeom
+    shapes = {
+        kinds.mjGEOM_SPHERE: 4 / 3 * np.pi * a**3, kinds.mjGEOM_CAPSULE: np.pi * a**2 * (2 * b + 4 / 3 * a),
+        kinds.mjGEOM_CYLINDER: 2 * np.pi * a**2 * b, kinds.mjGEOM_BOX: 8 * a * b * c,
+        kinds.mjGEOM_ELLIPSOID: 4 / 3 * np.pi * a * b * c,
+    }  # fmt: skip
+    volumes = sum((np.where(shape == int(kind), volume, 0.0) for kind, volume in shapes.items()), np.zeros(len(a)))
+    masses = np.bincount(model.geom_bodyid, weights=WATER * volumes, minlength=model.nbody)
+    alike = (masses > 0) & (np.abs(masses - model.body_mass) <= 1e-6 * masses)
+    return [model.body(int(at)).name[:100] for at in np.flatnonzero(alike)[:NAMES_MAX]]
 
 
 def list_geoms(model: mujoco.MjModel, data: mujoco.MjData) -> list[dict[str, Any]]:
