@@ -11,7 +11,7 @@ from threading import Lock
 
 from grader.certify.keys import CertifiedKey, bound_luck, build_fault, certify_quizzes, propose_for_key
 from grader.certify.remarks import UNVERIFIED, is_decidable
-from grader.domain.verdict import Status
+from grader.domain.verdict import Status, format_points
 from grader.errors import ContentError, Fault, GraderError, NotFound
 from grader.exercises import STARTER, TextOf, certify_exercise, plan_exercise, write_lazy_answers, write_wrong_scripts
 from grader.grading.pipeline import Pipeline
@@ -193,7 +193,8 @@ class ContentCheck:
         except (GraderError, ValueError) as error:
             self.report.faults.append(Fault(self.library.file(quiz_id), f"{question.id}.check", str(error)))
             return
-        chance = f"a fixed answer passes with a chance of at most {luck.chance:.1e}; {luck.allowed:g} is allowed"
+        bound = f"at most {luck.chance:.1e}" if luck.chance else "0"
+        chance = f"a fixed answer passes with a chance of {bound}; {luck.allowed:g} is allowed"
         self.say(f"{quiz_id} {question.id}: {chance}")
         self.report.chances.append(chance)
         if luck.why is not None:
@@ -220,7 +221,7 @@ class ContentCheck:
             self.report.warnings.append(Fault(library.file(quiz_id), key, ALL_CRASH))
         for name, points, most, fault, _ in earned:
             if earns_too_much(points, most):
-                why = f"{name} earns {points:g} points, and may earn {most:g} at most"
+                why = f"{name} earns {format_points(points)}, and may earn {most:g} at most"
                 solved = f"take the solution out of {question.starter}" if name == STARTER else ""
                 cure = solved or "give hidden cases other numbers or more points"
                 self.report.faults.append(Fault(library.file(quiz_id), key, f"{why}: {cure}"))
