@@ -28,6 +28,7 @@ from grader.exercises.kinds.rk4.sentences.changed_numbers import (
     explain_added_constant,
     explain_clipped_velocities,
     explain_inexact_timestep,
+    explain_rounded_slopes,
     explain_rounded_state,
     explain_truncated_slopes,
 )
@@ -364,7 +365,7 @@ def explain_rest(reading: Reading, outcome: RunOutcome) -> str | None:
 STATE_RULES: tuple[Rule, ...] = (
     explain_inexact_timestep, explain_other_data, explain_reset_start, explain_stale_variables, explain_idle,
     explain_single_joints, explain_restored_state, explain_one_number, explain_some_coordinates,
-    explain_clipped_velocities, explain_truncated_slopes, explain_rounded_state,
+    explain_clipped_velocities, explain_truncated_slopes, explain_rounded_state, explain_rounded_slopes,
 )  # fmt: skip
 """Mistakes in how a step keeps its state and slopes, which are looked for before those of the method."""
 

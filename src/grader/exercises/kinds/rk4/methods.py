@@ -92,6 +92,15 @@ def chain_stages_and_result(rows: Sequence[Row]) -> Matrix:
     return [*stages, (pad_row(stages[-1], len(stages)) + pad_row(rows[-1], len(stages))).tolist()]
 
 
+def chain_views(rows: Sequence[Row]) -> Matrix:
+    """Returns the tableau of `chain_stages` whose result starts from the last stage too, and sums the last slope in
+    place of each."""
+    stages = chain_stages(rows)[:-1]
+    last = np.zeros(len(stages))
+    last[-1] = sum(rows[-1])
+    return [*stages, (pad_row(stages[-1], len(stages)) + last).tolist()]
+
+
 def repeat_classical(times: int, share: float) -> Matrix:
     """Returns the tableau of several classical steps one after the other, each a `share` of h."""
     size, done = 4 * times, np.zeros(4 * times)

@@ -124,6 +124,14 @@ def explain_items(value: ReturnedValue) -> str | None:
     return None
 
 
+def explain_negative_number(observed: Observation) -> str | None:
+    """Returns the sentence of a negative number, which programs of other languages return for nothing found."""
+    claim = observed.claim
+    if not isinstance(claim, Bracket) or claim.number is None or claim.number >= 0:
+        return None
+    return "Your answer is a negative number, which is no timestep: where nothing is unstable, return None."
+
+
 def explain_list_indices(observed: Observation) -> str | None:
     """Returns the sentence of whole numbers where timesteps of fractions of a second were run."""
     longest_s = observed.parameters.search_s[1]

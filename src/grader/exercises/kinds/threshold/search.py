@@ -15,6 +15,7 @@ from grader.exercises.kinds.threshold.range_mistakes import (
     explain_early_return,
     explain_list_indices,
     explain_narrow_search,
+    explain_negative_number,
     explain_no_simulation,
     explain_no_step,
     explain_other_return,
@@ -160,7 +161,8 @@ def calls_calm_middle(observed: Observation) -> bool:
 
 CERTAIN_RULES: tuple[Rule, ...] = (
     explain_whole_range, explain_early_return, explain_printed_result, explain_unreadable_result, explain_rounded_ends,
-    explain_uncertainty, explain_list_indices, explain_other_return, explain_far_timesteps, explain_reset_each_step,
+    explain_uncertainty, explain_negative_number, explain_list_indices, explain_other_return, explain_far_timesteps,
+    explain_reset_each_step,
     explain_actuators_off, explain_single_timestep, explain_missing_reset, explain_other_integrator, explain_nan_start,
     explain_other_start, explain_other_target, explain_short_runs, explain_wrong_bisection,
     restrict_to_no_limit(explain_rollout), restrict_to_no_limit(explain_linearisation),

@@ -25,6 +25,9 @@ SHARE_ATOL = 1e-12
 EXACT, INEXACT = 1e-9, 1e-3
 """Relative errors of a timestep: round-off, and the largest of two roundings to 16 bits."""
 
+SINGLE, ROUNDED = 2e-7, 1e-10
+"""Relative errors of a slope in 32 bits at most, and of one in 64 bits, with the sum that it is read off."""
+
 WHOLE = 2
 """The stage, counted from the second, that lies a whole step from the start."""
 
@@ -85,6 +88,19 @@ def explain_truncated_slopes(reading: Reading) -> str | None:
         "The slopes in your stages are cut off to whole numbers: an array of whole numbers, such as np.array([0, 0]) "
         "or one with dtype=int, keeps no fractions. Make it of floats, such as np.zeros(model.nv)."
     )
+
+
+def explain_rounded_slopes(reading: Reading) -> str | None:
+    """Returns the sentence of slopes that are rounded to 32 bits: stage 2 is where the classical step has it, but for
+    the last digits."""
+    errors = []
+    for step in (step for step in reading.steps if step.calls > 1):
+        move = step.timestep_s / 2 * step.qacc[1]
+        size = float(np.abs(move).max(initial=0.0))
+        errors.append(float(np.abs(step.qvel[2] - step.qvel[0] - move).max(initial=0.0)) / size if size else 0.0)
+    if errors and max(errors) <= SINGLE and np.median(errors) > ROUNDED:
+        return "The slopes went through 32-bit floats: use NumPy's default, float64."
+    return None
 
 
 def explain_rounded_state(reading: Reading) -> str | None:

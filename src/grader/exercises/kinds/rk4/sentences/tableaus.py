@@ -9,6 +9,7 @@ from grader.exercises.kinds.rk4.combinations import format_coefficient
 from grader.exercises.kinds.rk4.methods import (
     chain_stages,
     chain_stages_and_result,
+    chain_views,
     compute_order,
     find_name,
     repeat_classical,
@@ -173,6 +174,8 @@ CHAINED_STAGES: Mapping[str, Matrix] = {
     "The state is not restored between the stages: q and v alias data.qpos and data.qvel, so copy them at the start of "
     "the step (data.qpos.copy()); and move a copy by y + h/2 * k, "
     "because y += ... changes y itself.": chain_stages_and_result(CLASSICAL),
+    "The state is not restored between the stages, and all slopes equal the last one: q, v and the slopes are views, "
+    "which data goes on changing, so copy each of them (data.qpos.copy(), data.qacc.copy()).": chain_views(CLASSICAL),
     "The weighted sum is added to the state of your last stage: restore the state at the start of the step "
     "before you add it.": (*CLASSICAL[:-1], (pad_row(CLASSICAL[3], STAGES) + WEIGHTS).tolist()),
     "After your step data stands at your last stage: the weighted sum h (k1 + 2 k2 + 2 k3 + k4)/6 is never written.": (

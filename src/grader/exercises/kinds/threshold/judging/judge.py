@@ -150,7 +150,7 @@ def judge_claim(parameters: SearchRange, cell: Cell, claim: Claim) -> Judgement[
         return judge_none(parameters, cell, claim)
     detail = ""
     why = explain_form(parameters, claim)
-    if why and claim.width > parameters.width_s:
+    if why and claim.number is None and claim.width > parameters.width_s:
         detail = f"It is {1000 * claim.width:.6g} ms wide."
     why = why or explain_bracket(parameters, cell, claim)
     return Judgement(not why, why or "Certified by simulating at both ends.", claim, detail)
