@@ -1,6 +1,5 @@
 """The `bounds` kind: both ends of an interval, each in a field of its own and worth half of the points."""
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -20,6 +19,7 @@ from grader.questions import (
     Status,
     Verdict,
     Verify,
+    json_or_text,
     verdict_of,
 )
 
@@ -89,10 +89,7 @@ class Bounds(QuestionKind[BoundsQuestion, Interval]):
 
     def from_text(self, question: BoundsQuestion, text: str) -> Any:
         """Reads JSON."""
-        try:
-            return json.loads(text)
-        except ValueError as error:
-            raise InvalidAnswer('Write the ends as {"low": 1, "high": 2}.') from error
+        return json_or_text(text)
 
     def show(self, question: BoundsQuestion, answer: Any) -> str:
         """Returns `1 to 2`."""
@@ -102,7 +99,7 @@ class Bounds(QuestionKind[BoundsQuestion, Interval]):
     def read(self, question: BoundsQuestion, answer: Any) -> Interval:
         """Reads an object of two numbers."""
         if not isinstance(answer, Mapping) or answer.keys() != {*ENDS}:
-            raise InvalidAnswer("Give both ends: low and high.")
+            raise InvalidAnswer('Give both ends, as in {"low": 1, "high": 2}.')
         try:
             return Interval(float(answer["low"]), float(answer["high"]))
         except (TypeError, ValueError) as error:
