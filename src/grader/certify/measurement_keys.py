@@ -1,5 +1,6 @@
 """Certifies numbers that are measured in a run, or given by a closed form."""
 
+import re
 from contextlib import suppress
 from dataclasses import replace
 from math import isfinite, tau
@@ -40,6 +41,9 @@ from grader.questions import ModelXml, NumberKey
 from grader.questions.kinds.number.units import convert, known_unit, read_unit
 
 EMPTY = "<mujoco/>"
+
+SIZE = re.compile(r"\bMath\.(?:abs|hypot)\(|\bMath\.pow\([^()]*,\s*2\s*\)|\*\*\s*2\b")
+"""What makes a size or a square of what it gets."""
 
 EXTREMES = frozenset({"max", "min", "amplitude", "peak_to_peak"})
 """Quantities of the largest and the smallest value of a run, which a longer run may pass."""
@@ -90,7 +94,7 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
             others = {end: read(SAME, verify.model_copy(update={"seconds": end, "until": None}))[1] for end in ends}
             why = explain_unsettled(measure(SAME)[1], others, key.tolerance, is_part=verify.until is not None)
             certificate = _doubt(certificate, "settled", why)
-        return _remark_number(certificate, verify.expr)
+        return _remark_number(_remark_size(certificate, verify), verify.expr)
     except RegimeFailure as error:
         at = "verify.expr" if error.condition == "finite" else "verify"
         return refuse("measurement", key.answer, str(error), key=at, failed=error.condition)
@@ -257,6 +261,17 @@ def certify_expression(key: NumberKey, verify: ByExpression, model_xml: ModelXml
     if not isfinite(value):
         return refuse("expression", key.answer, f"the closed form gives {value}", key="verify.expr")
     return _remark_number(certify_number("expression", key, value, 0.0, {"value": value}), verify.expr)
+
+
+def _remark_size(certificate: Certificate, verify: ByMeasurement) -> Certificate:
+    """Remarks that a period is measured of a size, which comes by twice in each period of the motion."""
+    if verify.when not in ("period", "frequency") or not SIZE.search(verify.expr):
+        return certificate
+    remark = (
+        f"The {verify.when} is that of a size or a square, which comes by twice while the motion comes by once: "
+        "measure the motion itself, unless that is meant."
+    )
+    return certificate.with_remark(remark)
 
 
 def _remark_number(certificate: Certificate, expr: str) -> Certificate:
