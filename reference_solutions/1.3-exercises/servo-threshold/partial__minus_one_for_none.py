@@ -1,4 +1,4 @@
-# diagnosis: Your answer is a negative number
+# diagnosis: Return None where nothing is unstable, not -1
 import mujoco
 import numpy as np
 

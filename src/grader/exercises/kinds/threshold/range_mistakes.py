@@ -115,7 +115,7 @@ def explain_items(value: ReturnedValue) -> str | None:
         if isnan(number) and item and not item.startswith(("float", "ndarray")):
             return f"{returns} a value of type {item}: it must return two numbers in seconds, (h_stable, h_unstable)."
         if item.startswith(("float", "int")) and not isfinite(number):
-            beyond = "inf" if item.startswith("float") else "a whole number too large for a float"
+            beyond = str(number) if item.startswith("float") else "a whole number too large for a float"
             what = "nan" if isnan(number) else beyond
             return (
                 f"{returns} {what}: where nothing is unstable return None alone, else two numbers, (h_stable, "
@@ -124,12 +124,27 @@ def explain_items(value: ReturnedValue) -> str | None:
     return None
 
 
-def explain_negative_number(observed: Observation) -> str | None:
-    """Returns the sentence of a negative number, which programs of other languages return for nothing found."""
+def explain_number_for_none(observed: Observation) -> str | None:
+    """Returns the sentence of a number that is no timestep, such as -1, 0 or 999, where nothing is unstable."""
     claim = observed.claim
-    if not isinstance(claim, Bracket) or claim.number is None or claim.number >= 0:
+    if not isinstance(claim, Bracket) or any(number > 0 and number != int(number) for number in claim.numbers):
         return None
-    return "Your answer is a negative number, which is no timestep: where nothing is unstable, return None."
+    longest = max((run.timestep_s for run in observed.search.runs), default=0.0)
+    if longest < observed.parameters.search_s[1] * (1 - CLOSE) or any(run.warnings for run in observed.search.runs):
+        return None
+    if not observed.runs_end_as_ours:
+        return None
+    ends = ", ".join(f"{number:g}" for number in claim.numbers)
+    what = ends if claim.number is not None else f"({ends})"
+    return f"Return None where nothing is unstable, not {what if observed.may_tell_numbers else 'a number'}."
+
+
+def explain_negative_number(observed: Observation) -> str | None:
+    """Returns the sentence of a negative number."""
+    claim = observed.claim
+    if not isinstance(claim, Bracket) or max(claim.numbers) >= 0:
+        return None
+    return "Your answer is negative, which no timestep is: return (h_stable, h_unstable) in seconds, or None."
 
 
 def explain_list_indices(observed: Observation) -> str | None:
@@ -139,6 +154,8 @@ def explain_list_indices(observed: Observation) -> str | None:
         return None
     if (
         any(end != int(end) for end in observed.claim.numbers)
+        or min(observed.claim.numbers) < 0
+        or max(observed.claim.numbers) < 1
         or max(run.timestep_s for run in observed.search.runs) > longest_s
     ):
         return None
@@ -228,7 +245,7 @@ def explain_uncertainty(observed: Observation) -> str | None:
     if not isinstance(observed.claim, Bracket) or observed.claim.number is not None or not observed.search.runs:
         return None
     tried = [run.timestep_s for run in observed.search.runs]
-    if not 0 <= observed.claim.high < min(*tried, observed.parameters.width_s) <= observed.claim.low <= max(tried):
+    if not 0 < observed.claim.high < min(*tried, observed.parameters.width_s) <= observed.claim.low <= max(tried):
         return None
     return (
         "Your second number is smaller than every timestep that you ran: it seems to be the uncertainty of the first. "

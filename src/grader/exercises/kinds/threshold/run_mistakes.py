@@ -1,7 +1,9 @@
 """Mistakes in how a script runs its simulations, as its trace shows them: the model, the start, the length."""
 
+import ast
 from math import isnan
 
+from grader.exercises.explaining.script import ParsedScript, writes_field
 from grader.exercises.kinds.threshold.observation import CLOSE, Observation
 from grader.numerics.integrators import BY_CODE
 
@@ -102,10 +104,22 @@ def explain_single_timestep(observed: Observation) -> str | None:
     is_set_later = abs(observed.search.set_s - runs[0].timestep_s) > CLOSE * runs[0].timestep_s
     if is_set_later and all(run.model == observed.search.given for run in runs):
         return f"{seen}: opt.timestep of the model gets another value only after it. Set it before the first step."
+    if sets_one_number(observed.script):
+        return (
+            f"{seen}: your script sets opt.timestep to one number alone. Set it to the timestep that you try, before "
+            "each run."
+        )
     return (
         f"{seen}: the model that you step is "
         "not one whose timestep you set. Set opt.timestep on the very model that you pass to mj_step."
     )
+
+
+def sets_one_number(script: ParsedScript) -> bool:
+    """Whether all that a script gives opt.timestep is one number that is written down."""
+    values = [node.value for node in script.nodes if isinstance(node, ast.Assign) and writes_field(node, "timestep")]
+    numbers = {value.value for value in values if isinstance(value, ast.Constant)}
+    return len(numbers) == 1 and all(isinstance(value, ast.Constant) for value in values)
 
 
 def explain_missing_reset(observed: Observation) -> str | None:

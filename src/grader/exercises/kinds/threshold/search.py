@@ -18,6 +18,7 @@ from grader.exercises.kinds.threshold.range_mistakes import (
     explain_negative_number,
     explain_no_simulation,
     explain_no_step,
+    explain_number_for_none,
     explain_other_return,
     explain_printed_result,
     explain_rounded_ends,
@@ -161,7 +162,7 @@ def calls_calm_middle(observed: Observation) -> bool:
 
 CERTAIN_RULES: tuple[Rule, ...] = (
     explain_whole_range, explain_early_return, explain_printed_result, explain_unreadable_result, explain_rounded_ends,
-    explain_uncertainty, explain_negative_number, explain_list_indices, explain_other_return, explain_far_timesteps,
+    explain_uncertainty, explain_number_for_none, explain_list_indices, explain_other_return, explain_far_timesteps,
     explain_reset_each_step,
     explain_actuators_off, explain_single_timestep, explain_missing_reset, explain_other_integrator, explain_nan_start,
     explain_other_start, explain_other_target, explain_short_runs, explain_wrong_bisection,
@@ -177,7 +178,7 @@ NO_STEP_RULES: tuple[Rule, ...] = (explain_no_step,)
 FALLBACK_RULES: tuple[Rule, ...] = (
     explain_upward_search, explain_narrow_search, explain_coarse_search,
     explain_overlooked_warning, explain_old_warnings, explain_other_model, explain_sticky_flag, explain_own_criterion,
-    explain_no_simulation, explain_untried_ends,
+    explain_no_simulation, explain_negative_number, explain_untried_ends,
 )  # fmt: skip
 """Diagnoses where no wrong method is recognised by its claims."""
 
