@@ -92,6 +92,14 @@ def chain_stages_and_result(rows: Sequence[Row]) -> Matrix:
     return [*stages, (pad_row(stages[-1], len(stages)) + pad_row(rows[-1], len(stages))).tolist()]
 
 
+def move_on_from(stage: int) -> Matrix:
+    """Returns the classical tableau, all rows after `stage` of which start from that stage."""
+    size = len(CLASSICAL) - 1
+    shift = pad_row(CLASSICAL[stage - 1], size)
+    moved = [(pad_row(row, size) + shift).tolist() for row in CLASSICAL[stage:]]
+    return [*CLASSICAL[:stage], *moved]
+
+
 def chain_views(rows: Sequence[Row]) -> Matrix:
     """Returns the tableau of `chain_stages` whose result starts from the last stage too, and sums the last slope in
     place of each."""

@@ -1,13 +1,15 @@
 """Says what a step does to its numbers beside the formula: it rounds them, cuts them off, adds to its slopes, or
 multiplies by h too often."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from grader.exercises.kinds.rk4.combinations import Combination, Term, format_coefficient
 from grader.exercises.kinds.rk4.sentences.states import CUT_ATOL, moves_with
-from grader.exercises.kinds.rk4.sentences.tableaus import STAGES, spell_number
+from grader.exercises.kinds.rk4.sentences.tableaus import STAGES, join_words, spell_number
 from grader.exercises.kinds.rk4.step_trace import Rows, Step
 from grader.exercises.kinds.rk4.tableau import CLASSICAL, Reading
 
@@ -25,11 +27,17 @@ SHARE_ATOL = 1e-12
 EXACT, INEXACT = 1e-9, 1e-3
 """Relative errors of a timestep: round-off, and the largest of two roundings to 16 bits."""
 
-SINGLE, ROUNDED = 2e-7, 1e-10
-"""Relative errors of a slope in 32 bits at most, and of one in 64 bits, with the sum that it is read off."""
+ROUNDED = 1e-10
+"""Relative error of a slope in 64 bits at most."""
 
 WHOLE = 2
 """The stage, counted from the second, that lies a whole step from the start."""
+
+NOISE = 1e-15
+"""Round-off of a change that is read off a state, relative to the largest number of that."""
+
+ROUNDED_SUMS = ((1, 2, (1, 0, 0, 0)), (STAGES, 6, (1, 2, 2, 1)), (STAGES, 1, CLASSICAL[-1]))
+"""Rows of a step: what h is divided by there, and the sum of slopes that it multiplies."""
 
 DECIMALS = range(3, 13)
 """Decimals to which a state may be rounded."""
@@ -46,6 +54,15 @@ def explain_inexact_timestep(reading: Reading) -> str | None:
     largest = float(np.abs(off).max())
     if not EXACT < largest <= INEXACT:
         return None
+    wrong = np.flatnonzero(np.any(np.abs(off) > EXACT, axis=0)).tolist()
+    if len(wrong) < off.shape[1]:
+        stages = [str(row + 2) for row in wrong if row + 2 <= STAGES]
+        places = [f"stage{'s' if len(stages) > 1 else ''} {join_words(stages)}"] if stages else []
+        places += ["the weighted sum"] if STAGES - 1 in wrong else []
+        return (
+            f"In {' and in '.join(places)} the factor of your slopes is off by up to {largest:.2g} of itself: take "
+            "h/2, h/2, h and h/6 of h = model.opt.timestep, in Python floats with all their digits."
+        )
     more = off * timesteps[:, None]
     if np.ptp(off) <= EXACT:
         seen = f"is {1 + float(off.mean()):.9g} times model.opt.timestep"
@@ -90,35 +107,99 @@ def explain_truncated_slopes(reading: Reading) -> str | None:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A move of a part of the state by `factor` times a sum of slopes, as the step makes it and as it should."""
+
+    factor: float
+    slopes: Rows
+    change: Rows
+    noise: float
+
+    @property
+    def error(self) -> float:
+        """By how much the change is off, beyond round-off, relative to its largest number."""
+        right = self.factor * self.slopes
+        size = float(np.abs(right).max(initial=0.0))
+        off = float(np.abs(self.change - right).max(initial=0.0)) - self.noise
+        return max(off, 0.0) / size if size else 0.0
+
+    def is_rounded(self, bits: int) -> bool:
+        """Whether the change is that of slopes rounded to so many bits, or of their product with the factor."""
+        kind = np.dtype(f"float{bits}")
+        with np.errstate(over="ignore"):
+            slopes = self.slopes.astype(kind)
+            products = (
+                self.factor * slopes.astype(np.float64),
+                (self.factor * slopes).astype(np.float64),
+                (self.factor * self.slopes).astype(kind).astype(np.float64),
+            )
+        return any(bool(np.all(np.abs(self.change - product) <= self.noise)) for product in products)
+
+
+def find_bits(moves: Sequence[Move]) -> int | None:
+    """Returns to how many bits the slopes of some moves are rounded; None if they are not, or it is not known."""
+    if not moves or np.median([move.error for move in moves]) <= ROUNDED:
+        return None
+    return next((bits for bits in (32, 16) if all(move.is_rounded(bits) for move in moves)), None)
+
+
 def explain_rounded_slopes(reading: Reading) -> str | None:
-    """Returns the sentence of slopes that are rounded to 32 bits: stage 2 is where the classical step has it, but for
-    the last digits."""
-    errors = []
-    for step in (step for step in reading.steps if step.calls > 1):
-        move = step.timestep_s / 2 * step.qacc[1]
-        size = float(np.abs(move).max(initial=0.0))
-        errors.append(float(np.abs(step.qvel[2] - step.qvel[0] - move).max(initial=0.0)) / size if size else 0.0)
-    if errors and max(errors) <= SINGLE and np.median(errors) > ROUNDED:
-        return "The slopes went through 32-bit floats: use NumPy's default, float64."
+    """Returns the sentence of slopes, or of their sum, that are rounded to 32 or 16 bits: a row that cannot be read is
+    that of the classical step, but for the last digits."""
+    if reading.calls != STAGES:
+        return None
+    parts: list[tuple[str, Combinations, str, Callable[[Step], Rows]]] = [
+        ("The slopes", reading.velocities, "qvel", lambda step: step.qacc[1:])
+    ]
+    if reading.model.nq == reading.model.nv:
+        parts.append(("The slopes of data.qpos", reading.positions, "qpos", lambda step: step.qvel[1:-1]))
+    if reading.activations:
+        parts.append(("The slopes of data.act", reading.activations, "act", lambda step: step.rate))
+    for row, divisor, weights in ROUNDED_SUMS:
+        for what, rows, field, slopes in parts:
+            if rows[row] is not None:
+                continue
+            states = [(step, getattr(step, field)) for step in reading.steps]
+            moves = [
+                Move(step.timestep_s / divisor, np.array(weights) @ slopes(step), state[row + 1] - state[0],
+                     NOISE * (1 + float(np.abs(state).max(initial=0.0))))
+                for step, state in states
+            ]  # fmt: skip
+            if (bits := find_bits(moves)) is not None:
+                whose = what if row < STAGES else "The weighted sum"
+                return f"{whose} went through {bits}-bit floats: use NumPy's default, float64."
     return None
 
 
 def explain_rounded_state(reading: Reading) -> str | None:
-    """Returns the sentence of a state that is rounded, to 32 bits at the start or to some decimals at the end."""
+    """Returns the sentence of a state that is rounded: to 32 or 16 bits, or to some decimals at the end."""
     steps = [step for step in reading.steps if step.calls]
     if not steps:
         return None
-    if all(np.array_equal(step.qpos[1], step.qpos[0].astype(np.float32)) for step in steps) and not all(
-        np.array_equal(step.qpos[1], step.qpos[0]) for step in steps
-    ):
-        return "The state went through 32-bit floats: use NumPy's default, float64."
+    for bits, field in product((32, 16), ("qpos", "qvel", "act")):
+        pairs = [(getattr(step, field)[0], getattr(step, field)[1]) for step in steps]
+        if is_rounded(pairs, bits):
+            return f"The state went through {bits}-bit floats: use NumPy's default, float64."
     if reading.calls != STAGES:
         return None
     ends = [step.qvel[0] + step.timestep_s * (np.array(CLASSICAL[-1]) @ step.qacc[1:]) for step in steps]
+    pairs = [(end, step.qvel[-1]) for step, end in zip(steps, ends, strict=True)]
+    for bits in (32, 16):
+        if is_rounded(pairs, bits):
+            return f"The state went through {bits}-bit floats: use NumPy's default, float64."
     for decimals in DECIMALS:
-        if all(np.array_equal(np.round(end, decimals), step.qvel[-1]) for step, end in zip(steps, ends, strict=True)):
+        if all(np.array_equal(np.round(end, decimals), seen) for end, seen in pairs):
             return f"Your step rounds its result to {decimals} decimals: round what you print, not the state."
     return None
+
+
+def is_rounded(pairs: Sequence[tuple[Rows, Rows]], bits: int) -> bool:
+    """Whether the second of each pair is the first, rounded to so many bits, and some differ."""
+    rounded = [right.astype(f"float{bits}").astype(np.float64) for right, _ in pairs]
+    return all(map(np.array_equal, rounded, (seen for _, seen in pairs))) and not all(
+        np.array_equal(right, seen) for right, seen in pairs
+    )
 
 
 def explain_clipped_velocities(reading: Reading) -> str | None:
@@ -215,7 +296,7 @@ def describe_power(used: Sequence[set[int]], rows: Combinations, slope: str, wha
     """Returns the sentence of a row that is multiplied by h too often, or not at all."""
     *stages, result = used
     weights = {term.stage: term.power for term in rows[-1] or {} if term.slope == slope}
-    off = sum(power != 1 for power in weights.values())
+    off = any(power != 1 for power in weights.values())
     if result == {2} and all(2 in numbers for numbers in stages[1:]):
         return (
             f"h is applied twice to the {what}, in every stage and at the end: once to the slope, and once where it is "
@@ -232,11 +313,28 @@ def describe_power(used: Sequence[set[int]], rows: Combinations, slope: str, wha
             "the step."
         )
     if off:
-        how = "not multiplied by h/6" if 0 in result else "multiplied by h twice"
-        return (
-            f"{spell_number(off).capitalize()} of the {spell_number(len(weights))} weighted slopes of the {what} "
-            f"{'is' if off == 1 else 'are'} {how}: put parentheses around the whole sum, h/6 * (k1 + 2*k2 + 2*k3 + k4)."
-        )
+        return describe_powers_of_sum(weights, what)
     stage = next(index for index, powers in enumerate(stages, 1) if powers - {1})
     how = "h twice" if 2 in used[stage - 1] else "a slope without h"
     return f"The {what} of your stage {stage} moves by {how}: a stage moves by a fraction of h, times a slope."
+
+
+def describe_powers_of_sum(weights: Mapping[int, int], what: str) -> str:
+    """Returns the sentence of weighted slopes of which some are multiplied by h too often, or not at all; `weights` are
+    the powers of h by stages."""
+    off = [stage for stage, power in weights.items() if power != 1]
+    if len(off) == len(weights):
+        return (
+            f"The factor of the weighted sum that advances the {what} is not h/6 at every timestep: print it, and "
+            "compare it with model.opt.timestep / 6."
+        )
+    if all(weights[stage] > 1 for stage in off):
+        return (
+            f"In the weighted sum of the {what} h is applied twice to {join_words([f'k{stage}' for stage in off])}: "
+            "once before, once in the sum. A slope that is multiplied in place (k *= h) stays so."
+        )
+    return (
+        f"{spell_number(len(off)).capitalize()} of the {spell_number(len(weights))} weighted slopes of the {what} "
+        f"{'is' if len(off) == 1 else 'are'} not multiplied by h/6: put parentheses around the whole sum, h/6 * (k1 + "
+        "2*k2 + 2*k3 + k4)."
+    )

@@ -6,9 +6,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from grader.exercises.kinds.rk4.combinations import Combination, Term, format_coefficient
-from grader.exercises.kinds.rk4.methods import chain_stages, chain_stages_and_result
+from grader.exercises.kinds.rk4.methods import chain_stages, chain_stages_and_result, chain_views
 from grader.exercises.kinds.rk4.sentences.changed_numbers import explain_own_drag, explain_powers_of_h
-from grader.exercises.kinds.rk4.sentences.tableaus import STAGES, describe_method, explain_view, spell_number
+from grader.exercises.kinds.rk4.sentences.tableaus import (
+    STAGES,
+    describe_method,
+    explain_view,
+    join_words,
+    spell_number,
+    write_row,
+)
 from grader.exercises.kinds.rk4.step_trace import Rows
 from grader.exercises.kinds.rk4.tableau import (
     CLASSICAL,
@@ -163,6 +170,30 @@ def explain_whole_method(reading: Reading) -> str | None:
     return describe_method(velocities, "state")
 
 
+def explain_several_views(reading: Reading) -> str | None:
+    """Returns the sentence of starts and slopes that go on changing with data, not the same ones for positions and
+    velocities: each of the two looks like a tableau of its own."""
+    positions, velocities = to_matrix(reading.positions, "v"), to_matrix(reading.velocities, "a")
+    if positions is None or velocities is None:
+        return None
+    start, last, both = chain_stages_and_result(CLASSICAL), (*CLASSICAL[:-1], (0, 0, 0, 1)), chain_views(CLASSICAL)
+    rows = (positions, velocities)
+    found = [next((name for name in (CLASSICAL, start, last, both) if is_same(row, name)), None) for row in rows]
+    one, other = found
+    if one is None or other is None or one is other or (CLASSICAL in found and both not in found):
+        return None
+    moved = [what for what, kind in zip(("positions", "velocities"), found, strict=True) if kind in (start, both)]
+    equal = [what for what, kind in zip(("velocities", "accelerations"), found, strict=True) if kind in (last, both)]
+    kept = {"data.qpos": "positions" in moved, "data.qvel": "velocities" in moved + equal,
+            "data.qacc": "accelerations" in equal}  # fmt: skip
+    return (
+        f"Stages 3 and 4 and the weighted sum start from the {join_words(moved)} of the stage before, and all "
+        f"{join_words(equal)} in the sum equal the last one: without .copy(), what you keep of "
+        f"{join_words([name for name, is_kept in kept.items() if is_kept])} is a view that data goes on changing, so "
+        "copy each of them."
+    )
+
+
 def explain_separate_rules(reading: Reading) -> str | None:
     """Returns the sentence of positions and velocities that move by different rules."""
     velocities, positions = to_matrix(reading.velocities, "a"), to_matrix(reading.positions, "v")
@@ -277,7 +308,43 @@ def explain_new_velocity(reading: Reading, velocities: Matrix) -> str | None:
             "This is the velocity Verlet method: second order, two slopes a step. Take four slopes, of positions and "
             "velocities alike, with weights 1, 2, 2, 1 over 6."
         )
-    return explain_own_velocity(rows) or explain_last_velocity(result, Term("v", reading.calls + 1))
+    return (
+        explain_velocity_ahead(rows, velocities)
+        or explain_own_velocity(rows)
+        or explain_last_velocity(result, Term("v", reading.calls + 1))
+    )
+
+
+def explain_velocity_ahead(rows: Combinations, velocities: Matrix) -> str | None:
+    """Returns the sentence of positions whose slope is v + c h a, in the place of v, with the same c in every row that
+    is not the classical one."""
+    if not is_same(velocities, CLASSICAL):
+        return None
+    shares = {row: find_share_ahead(moves or {}, row) for row, moves in enumerate(rows[1:], 2)}
+    wrong = {row: share for row, share in shares.items() if share != 0}
+    known = [share for share in wrong.values() if share is not None]
+    if len(known) < len(wrong) or not known or np.ptp(known) > COEFFICIENT_ATOL:
+        return None
+    if [*wrong] == [2] and abs(known[0] - 1 / 2) <= COEFFICIENT_ATOL:  # its own new velocity
+        return None
+    term = f"{'-' if known[0] < 0 else '+'} {write_row((abs(known[0]),)).removesuffix(' k1')} data.qacc"
+    stages = [str(row) for row in wrong if row <= STAGES]
+    places = [f"stage{'s' if len(stages) > 1 else ''} {join_words(stages)}"] if stages else []
+    places += ["the weighted sum"] if STAGES + 1 in wrong else []
+    return (
+        f"In {' and in '.join(places)} your positions move as if their slope were data.qvel {term}: take data.qvel "
+        "alone, as it stands when mj_forward is called."
+    )
+
+
+def find_share_ahead(moves: Combination, row: int) -> float | None:
+    """Returns the c of a row of positions that move by v + c h a: beside the classical sum of velocities, c times what
+    the row's own velocity has gained. 0 for the classical row; None for others."""
+    classical = dict(enumerate(CLASSICAL[row - 1], 1))
+    share = moves.get(Term("v", row), 0.0)
+    right = {stage: classical.get(stage, 0.0) - (share if stage == 1 else 0.0) for stage in range(1, row)}
+    due = {Term("v", stage): value for stage, value in {**right, row: share}.items() if abs(value) > COEFFICIENT_ATOL}
+    return share if is_close(moves, due) else None
 
 
 def explain_own_velocity(rows: Combinations) -> str | None:
@@ -311,6 +378,12 @@ def explain_last_velocity(result: Combination, after: Term) -> str | None:
     """Returns the sentence of positions that move by the velocity `after` the step."""
     if is_close(result, {after: 1}):
         return "The position advances with the new velocity alone; use the weighted mean of the four stage velocities."
+    classical = {Term("v", stage): weight for stage, weight in enumerate(CLASSICAL[-1][:-1], 1)}
+    if is_close(result, {**classical, after: CLASSICAL[-1][-1]}):
+        return (
+            "In the weighted sum of the positions the velocity after your step stands in the place of that of stage 4: "
+            "copy data.qvel in stage 4 too, before you write the new one."
+        )
     if is_mean(result, after):
         return (
             "Positions move by the mean of old and new velocity: use the weighted mean of the four stage velocities, "
@@ -376,6 +449,7 @@ def follows_classical(reading: Reading) -> bool:
 
 
 RULES: tuple[Rule, ...] = (
-    explain_borrowed_slopes, explain_powers_of_h, explain_early_calls, explain_whole_method, explain_separate_rules,
+    explain_borrowed_slopes, explain_powers_of_h, explain_early_calls, explain_whole_method, explain_several_views,
+    explain_separate_rules,
 )  # fmt: skip
 """Mistakes in the slopes of a step and their coefficients."""

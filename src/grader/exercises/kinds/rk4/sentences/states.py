@@ -7,6 +7,7 @@ import numpy as np
 
 from grader.exercises.kinds.rk4.combinations import Rows, Term, format_coefficient
 from grader.exercises.kinds.rk4.judging.quaternions import OFFSETS
+from grader.exercises.kinds.rk4.methods import chain_stages_and_result
 from grader.exercises.kinds.rk4.sentences.tableaus import FRACTIONS, STAGES, spell_number, write_row
 from grader.exercises.kinds.rk4.step_trace import Step
 from grader.exercises.kinds.rk4.tableau import (
@@ -106,6 +107,11 @@ def explain_activations(reading: Reading) -> str | None:
         return explain_unreadable_activations(reading)
     if is_same(rows, CLASSICAL) or len(rows) != STAGES + 1:
         return None
+    if is_same(rows, chain_stages_and_result(CLASSICAL)):
+        return (
+            "The activations are not restored between the stages: your variable aliases data.act, so copy it "
+            "(data.act.copy())."
+        )
     return explain_still_activations(rows) or describe_activation_stage(rows)
 
 
@@ -273,14 +279,31 @@ def explain_stale_variables(reading: Reading) -> str | None:
             "Your step does not begin at the state in data, but at one that an earlier call has left in a variable "
             "outside of the function: copy data.qpos, data.qvel, data.act and data.time at the start of every call."
         )
-    if not all(moves_with(step, step.qacc[1]) for step in steps) and any(
+    stages = not all(moves_with(step, step.qacc[1]) for step in steps) and any(
         all(moves_with(step, one.qacc[1]) for step in steps) for one in steps
-    ):
+    )
+    if stages or ends_with_other_slopes(steps):
         return (
-            "The slopes in your stages are those of an earlier call: a list outside of the function, to which every "
-            "call appends, keeps them. Make the list new in every call."
+            f"The slopes in your {'stages' if stages else 'weighted sum'} are those of an earlier call: a list outside "
+            "of the function, to which every call appends, keeps them. Make the list new in every call."
         )
     return None
+
+
+def ends_with_other_slopes(steps: Sequence[Step]) -> bool:
+    """Whether all steps end with the weighted sum of the slopes of one of them, wherever they begin."""
+    if any(step.calls != STAGES for step in steps):
+        return False
+    changes = [(step.qvel[-1] - step.qvel[0]) / step.timestep_s for step in steps]
+    sums = [np.array(CLASSICAL[-1]) @ step.qacc[1:] for step in steps]
+    return any(all(is_near(change, total) for change in changes) for total in sums) and not all(
+        map(is_near, changes, sums)
+    )
+
+
+def is_near(one: Rows, other: Rows) -> bool:
+    """Whether two accelerations are the same, but for what the division by h makes of round-off."""
+    return bool(np.all(np.abs(one - other) <= CUT_ATOL * (1 + np.abs(other))))
 
 
 def begins_at(step: Step, other: Step, row: int) -> bool:
@@ -359,6 +382,11 @@ def explain_unreadable_state(reading: Reading) -> str | None:
         return (
             "mj_forward is called once, when your step has ended, so that nothing of the step comes from it: call it "
             "at every stage, and take the acceleration from data.qacc, not from formulas of your own."
+        )
+    if not reading.calls:
+        return (
+            "Your step never calls mujoco.mj_forward: call it at every stage, after its state is written, and take the "
+            "slopes from data.qvel, data.qacc and data.act_dot."
         )
     parts = {"positions": reading.positions, "velocities": reading.velocities}
     for row in range(reading.calls + 1):

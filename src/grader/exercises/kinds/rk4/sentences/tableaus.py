@@ -12,6 +12,7 @@ from grader.exercises.kinds.rk4.methods import (
     chain_views,
     compute_order,
     find_name,
+    move_on_from,
     repeat_classical,
 )
 from grader.exercises.kinds.rk4.tableau import (
@@ -176,6 +177,10 @@ CHAINED_STAGES: Mapping[str, Matrix] = {
     "because y += ... changes y itself.": chain_stages_and_result(CLASSICAL),
     "The state is not restored between the stages, and all slopes equal the last one: q, v and the slopes are views, "
     "which data goes on changing, so copy each of them (data.qpos.copy(), data.qacc.copy()).": chain_views(CLASSICAL),
+    "Stages 3 and 4 and the weighted sum start from the state of stage 2: move a copy by y + h/2 * k1, because "
+    "y += ... changes y itself.": move_on_from(2),
+    "Stage 4 and the weighted sum start from the state of stage 3: move a copy by y + h/2 * k2, because y += ... "
+    "changes y itself.": move_on_from(3),
     "The weighted sum is added to the state of your last stage: restore the state at the start of the step "
     "before you add it.": (*CLASSICAL[:-1], (pad_row(CLASSICAL[3], STAGES) + WEIGHTS).tolist()),
     "After your step data stands at your last stage: the weighted sum h (k1 + 2 k2 + 2 k3 + k4)/6 is never written.": (
@@ -309,6 +314,12 @@ def spell_number(count: int) -> str:
     """Returns a small number in words."""
     words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight")
     return words[count] if count < len(words) else str(count)
+
+
+def join_words(words: Sequence[str]) -> str:
+    """Returns words as a list in a sentence, such as "2, 3 and 4"."""
+    *before, last = words
+    return f"{', '.join(before)} and {last}" if before else last
 
 
 VIEW_WEIGHTS: Mapping[tuple[float, ...], int] = {
