@@ -31,8 +31,8 @@ LINKS_MAX = 80
 """Learners whose dots are links; of more the table alone has them."""
 WIDE, SMALL = 1120.0, 308.0
 NARROW_BELOW = 500.0
-NAMES_TOP = 16.0
-"""How high names of piles may stand: the limit's is above."""
+NAMES_TOP, LIMIT_FOOT = 16.0, 20.0
+"""How high names of piles may stand, and how far down the limit's name reaches, with room below it."""
 
 Address = Callable[[ClassAttempt], str]
 
@@ -260,7 +260,10 @@ def draw_marks(canvas: Canvas) -> list[Box]:
     if axis.limit is not None:
         x, label = across.at(axis.limit), name_line(axis)
         drawing.line("limit", x, 18, x, base + BAND)
-        drawing.text(label, x - 6, 12, "name halo", "end" if x - estimate_width(label) > 0 else "start")
+        half = estimate_width(label) / 2
+        is_left_of = x - 2 * half > 0
+        drawing.text(label, x - 6, 12, "name halo", "end" if is_left_of else "start")
+        taken.append(Box(x - 6 + (-half if is_left_of else half), half, 0, LIMIT_FOOT))
     return taken
 
 
