@@ -794,7 +794,7 @@ def test_every_other_key_of_a_certified_question_is_refused(number: int) -> None
         assert not certify(question.model_copy(update={"answer": other, **tolerance})).ok, other
 
 
-SPRING = (
+OSCILLATOR = (
     '<mujoco><option gravity="0 0 0" integrator="RK4"/><worldbody><body><joint type="slide" axis="1 0 0" '
     'stiffness="39.4784176"/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'
 )
@@ -809,7 +809,7 @@ SPRING = (
     ],
 )
 def test_the_period_of_a_size_is_remarked_on(expr: str, level: float, period: float, is_remarked: bool) -> None:
-    told = {"by": "measurement", "xml": SPRING, "setup": "data.qpos[0] = 0.1", "when": "period", "seconds": 4}
+    told = {"by": "measurement", "xml": OSCILLATOR, "setup": "data.qpos[0] = 0.1", "when": "period", "seconds": 4}
     certificate = certify(numeric(period, 0.01, "s", **told, expr=expr, level=level))
     assert certificate.ok, certificate.why
     assert any("comes by twice" in remark for remark in certificate.remarks) is is_remarked
