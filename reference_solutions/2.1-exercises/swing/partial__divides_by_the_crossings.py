@@ -3,7 +3,7 @@ import mujoco
 import numpy as np
 
 
-def record(model, data, seconds=8):
+def record(model, data, seconds=12):
     times, angles, speeds = [], [], []
     while data.time < seconds:
         times.append(data.time)

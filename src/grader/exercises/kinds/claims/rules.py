@@ -33,6 +33,11 @@ RUNS_S = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0)
 LENGTHS = (0.1, 0.5, 2.0, 10.0)
 """Lengths of other runs, over the one that is asked for."""
 
+FROM_START = (
+    "{label} is counted from the start of the run, or over one crossing too many: take the time from one crossing to "
+    "the next alike."
+)
+
 COARSER = (0.5, 0.2, 0.1)
 FINER = (2.0, 4.0, 10.0, 0.5, 0.1)
 
@@ -106,21 +111,20 @@ def miscounts_periods(scene: Scene) -> Found:
     """The time of all periods over the number of crossings, which is one more, in runs of usual lengths; or the moment
     of a crossing, counted from the start."""
     is_period = scene.claim.quantity == "period"
+    for direction in ("up", "down"):
+        for count in (1, 2):
+            moment = scene.measure_as("crossing", direction=direction, count=count)
+            if moment is not None:
+                yield FROM_START, moment if is_period else scene.claim.scale**2 / moment
     every = scene.list_crossings(max(RUNS_S))
     for seconds in RUNS_S if every is not None else ():
         counts = np.array([np.sum(moments <= seconds) for moments in every or ()])
         if counts.min() > 1:
             share = (counts - 1) / counts
             right = scene.right * share if is_period else scene.right / share
-            yield "{label} counts one period too many: between n crossings lie n - 1.", right
-    for direction in ("up", "down"):
-        for count in (1, 2):
-            moment = scene.measure_as("crossing", direction=direction, count=count)
-            if moment is not None:
-                yield (
-                    "{label} is counted from the start of the run: take the time from one crossing to the next alike.",
-                    moment if is_period else scene.claim.scale**2 / moment,
-                )
+            # The length is told, so that it is the same in every case: of any length some count fits by chance.
+            sentence = f"{{label}} counts one period too many in a run of {seconds:g} s: between n crossings lie n - 1."
+            yield sentence, right
 
 
 def has_transient(scene: Scene) -> Found:
