@@ -74,6 +74,11 @@ def template_of(kind: AnyKind) -> Path:
     return Path(inspect.getfile(type(kind))).with_name(TEMPLATE)
 
 
+def is_own(kind: AnyKind) -> bool:
+    """Whether a kind is one of the grader's own, and not of another package."""
+    return type(kind).__module__.startswith("grader.")
+
+
 def kind_of(question: Question) -> AnyKind:
     """Returns the kind of a question."""
     return installed_kinds()[question.kind]

@@ -12,7 +12,7 @@ from grader.domain.policy import Policy, Progress
 from grader.domain.verdict import Status, Verdict
 from grader.errors import Fault, InvalidAnswer
 from grader.library import Library
-from grader.questions import AnyKind, Fields, Question, Quiz, grade_answer, kind_of, show_answer
+from grader.questions import Fields, Question, Quiz, grade_answer, is_own, kind_of, show_answer
 from grader.web.frame.rendering import templates
 from grader.web.learner.lesson import AskedQuestion, TypedAnswer, describe_question
 from grader.web.text.questions import present_question
@@ -101,11 +101,6 @@ def find_unshown(library: Library, is_wanted: Callable[[str, str], bool]) -> Ite
                 what = describe_error(error, type(kind).__module__)
                 why = f"its page cannot be shown: the template or a method of the kind raises {what}"
                 yield Fault(library.file(quiz.id), question.id, why)
-
-
-def is_own(kind: AnyKind) -> bool:
-    """Whether a kind is one of the grader's own."""
-    return type(kind).__module__.startswith("grader.")
 
 
 def try_form(library: Library, quiz: Quiz, question: Question, fields: Fields) -> Preview:

@@ -122,7 +122,7 @@ def miscounts_periods(scene: Scene) -> Found:
         if counts.min() > 1:
             share = (counts - 1) / counts
             right = scene.right * share if is_period else scene.right / share
-            # The length is told, so that it is the same in every case: of any length some count fits by chance.
+            # Naming the length, it must be one in all cases: with a length for each, some count fits by chance.
             sentence = f"{{label}} counts one period too many in a run of {seconds:g} s: between n crossings lie n - 1."
             yield sentence, right
 

@@ -4,8 +4,10 @@ differences, or of the sum of errors. A law that fits to rounding is taken for t
 from dataclasses import dataclass
 from math import isclose
 
+import mujoco
 import numpy as np
 
+from grader.exercises.episodes.parameters import Problem
 from grader.exercises.episodes.simulating import Floats, Mask, Record
 
 EXACT = 1 - 1e-10
@@ -112,3 +114,22 @@ def solve(columns: Floats, asked: Floats, free: Mask, fits: float) -> tuple[Floa
     gains = np.full(columns.shape[1], np.nan)
     gains[moving] = solution[:-1] / scale[moving]
     return gains, float(solution[-1])
+
+
+def measure_load(problem: Problem, record: Record) -> Floats | None:
+    """Returns the first control that holds the model, as the learner has it, against gravity in each period; None where
+    that control acts on no joint of one number."""
+    model = problem.model
+    joint, gear = model.actuator_trnid[0, 0], model.actuator_gear[0, 0]
+    if model.actuator_trntype[0] != int(mujoco.mjtTrn.mjTRN_JOINT) or not gear:
+        return None
+    if model.jnt_type[joint] < int(mujoco.mjtJoint.mjJNT_SLIDE):  # a free or a ball joint
+        return None
+    data, loads, forces = mujoco.MjData(model), np.empty(len(record.qpos)), np.empty(model.nv)
+    for index, qpos in enumerate(record.qpos):
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_rne(model, data, 0, forces)
+        loads[index] = forces[model.jnt_dofadr[joint]] / gear
+    return loads

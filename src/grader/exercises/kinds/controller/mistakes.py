@@ -6,7 +6,6 @@ from dataclasses import replace
 from itertools import combinations
 from math import degrees
 
-import mujoco
 import numpy as np
 
 from grader.exercises.episodes.goals import measure_saturation, switches_ends
@@ -14,7 +13,7 @@ from grader.exercises.episodes.judge import EpisodeOutcome
 from grader.exercises.episodes.parameters import Problem
 from grader.exercises.episodes.simulating import Floats, Record, list_widths
 from grader.exercises.kind import JudgedTrial
-from grader.exercises.kinds.controller.laws import ROUGH, FittedLaw, fit_law
+from grader.exercises.kinds.controller.laws import ROUGH, FittedLaw, fit_law, measure_load
 from grader.exercises.kinds.controller.parameters import ControllerParameters
 from grader.exercises.trace import get_list
 
@@ -83,7 +82,7 @@ STALE = (
 )
 SIGN = "The gain on {name} has the wrong sign: it pushes away from the target, or feeds the motion that it should damp."
 MISSING = "The controls do not depend on {name}."
-MISSING_HERE = "In this motion the controls do not depend on {name}: look for a limit that holds its error fast."
+MISSING_HERE = "In this motion the controls do not depend on {name}: it is left out, or a limit holds its error fast."
 DEGREES_END = "is off by the factor between degrees and radians: the sensors tell radians."
 DEGREES = f"The gain on {{name}} {DEGREES_END}"
 TARGET_DEGREES = f"The target, as the controls use it, {DEGREES_END}"
@@ -277,25 +276,6 @@ def find_swapped(parameters: ControllerParameters, problem: Problem, law: Fitted
         gains[pair] = gains[pair[::-1]]
         if np.isfinite(gains[pair]).all() and not any(find_wrong_gains(parameters, problem, replace(law, gains=gains))):
             yield SWAPPED.format(one=one, other=other)
-
-
-def measure_load(problem: Problem, record: Record) -> Floats | None:
-    """Returns the first control that holds the model, as the learner has it, against gravity in each period; None where
-    that control acts on no joint of one number."""
-    model = problem.model
-    joint, gear = model.actuator_trnid[0, 0], model.actuator_gear[0, 0]
-    if model.actuator_trntype[0] != int(mujoco.mjtTrn.mjTRN_JOINT) or not gear:
-        return None
-    if model.jnt_type[joint] < int(mujoco.mjtJoint.mjJNT_SLIDE):  # a free or a ball joint
-        return None
-    data, loads, forces = mujoco.MjData(model), np.empty(len(record.qpos)), np.empty(model.nv)
-    for index, qpos in enumerate(record.qpos):
-        data.qpos[:] = qpos
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_rne(model, data, 0, forces)
-        loads[index] = forces[model.jnt_dofadr[joint]] / gear
-    return loads
 
 
 def find_in_rough_law(
