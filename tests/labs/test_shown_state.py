@@ -49,6 +49,24 @@ def test_the_run_itself_is_bitwise_that_of_mj_step(name: str) -> None:
     assert np.array([row[:-1] for row in shown.rows]).tobytes() == np.array(stepped)[:, :SHOWN].tobytes()
 
 
+@pytest.mark.parametrize("name", sorted(ALL))
+def test_a_state_alone_is_shown_without_deriving_anything(name: str) -> None:
+    model = mujoco.MjModel.from_xml_string(ALL[name])
+    state = [f"data.qpos[{i}]" for i in range(min(model.nq, SHOWN // 2))]
+    state += [f"Math.abs(data.qvel[{i}]) + data.time" for i in range(min(model.nv, SHOWN // 2))]
+    alone = run(ALL[name], *state, setup=PUSH)
+    among = run(ALL[name], *state, "data.xpos[0]", setup=PUSH)
+    assert (alone.rederived, among.rederived) == (False, True)
+    assert repr(alone.rows) == repr([row[:-1] for row in among.rows])
+
+
+@pytest.mark.parametrize(
+    "changes", ["(data.qpos[0] = 2)", "data.qpos.fill(3)[0]", "(a => a[0]++)(data.qpos)", "(x => x.set([4]))(data.qvel)"]
+)
+def test_a_readout_that_writes_is_shown_from_a_copy(changes: str) -> None:
+    assert run(FREE_JOINT, changes, key=0).rederived
+
+
 def test_energy_and_positions_are_those_of_the_state() -> None:
     shown = run(FREE_JOINT, "data.qpos[0]", "data.qvel[0]", ENERGY, "lib.sitePos('tip')[2]", key=0)
     stepped = run(FREE_JOINT, "data.qpos[0]", "data.qvel[0]", ENERGY, "lib.sitePos('tip')[2]", key=0, as_stepped=True)

@@ -23,13 +23,18 @@ PASSES_MAX = 4
 COMPILED_MAX = 256
 """Programs that are kept: labs which differ in their start alone, such as the draws of a case, share their others."""
 
+STATE = {f"data.{name}" for name in ("time", "qpos", "qvel", "act", "ctrl", "mocap_pos", "mocap_quat")}
+APART = ("model.", "Math.")
+"""The paths of the state, and how those begin that have nothing to do with it."""
+
 FAILURES = (RunError, mujoco.FatalError, RecursionError)
 
 Run = Callable[..., Value]
 
 
 class Program:
-    """A compiled text. `where` names it in errors, such as `q3.sim.controls[0].apply`. Raises SyntaxRefused."""
+    """A compiled text. `where` names it in errors, such as `q3.sim.controls[0].apply`. With `reads_state_alone` it reads
+    nothing that MuJoCo derives from the state, and changes nothing. Raises SyntaxRefused."""
 
     def __init__(self, source: Source, where: str) -> None:
         self.source, self.where = source, where
@@ -47,6 +52,9 @@ class Program:
         self.make = space["make"]
         self.needs, self.places = tuple(compiler.needs), compiler.places
         self.elements = tuple(compiler.elements)
+        self.reads_state_alone = not compiler.writes and all(
+            kind == "ctx" or path in STATE or path.startswith(APART) for kind, path in self.needs
+        )
 
     def bind(self, machine: Machine) -> Run:
         """Returns the function `(value=undefined) -> value` that evaluates the program on this machine. A statement

@@ -39,8 +39,15 @@ class LabPrograms:
             yield from setters
         yield from self.buttons.values()
         yield from filter(None, (self.controller, self.stop, *self.shown))
+        yield from self._list_reference_lines()
+
+    def _list_reference_lines(self) -> Iterator[Program]:
         for lines in self.reference_lines:
             yield from filter(None, lines)
+
+    def show_derived(self) -> bool:
+        """Whether something that MuJoCo derives from the state is shown."""
+        return not all(program.reads_state_alone for program in (*self.shown, *self._list_reference_lines()))
 
 
 def list_missing_elements(programs: Iterable[Program], xml: str) -> list[Fault]:

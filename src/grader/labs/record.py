@@ -43,7 +43,7 @@ class LabRun:
     drawn over the scene, frame by frame (`grader.numerics.drawing`).
     `times` [s] are the lab's own, which go on when MuJoCo resets the state. `poses` are positions (geoms, 3) [m] and
     rotation matrices (geoms, 9) of the drawn `geoms`; a row holds the readouts, the traces of the plots and the trail.
-    `rederived` says that derived quantities were computed again for the states shown, as RK4 leaves others.
+    `rederived` says that derived quantities are shown and were computed again for the states, as RK4 leaves others.
     `states` are positions and velocities at evenly spaced moments, of runs from a nudged start alone.
     `limit` is None where the lab has no slider of the timestep, or nothing that can be linearised.
     """

@@ -79,6 +79,7 @@ class LabSimulation:
         self.presses: deque[tuple[float, Program]] = deque()
         self.pullers: list[Puller] = []
         self.every_step, self.close_up_s, self.as_stepped, self.elapsed = False, 0.0, False, 0.0
+        self.shows_derived = programs.show_derived()
         self.overlays = list_overlays(config.over_the_scene)
         self.probe_times: list[float] = []
         self.traced_times: deque[float] = deque()
@@ -103,8 +104,10 @@ class LabSimulation:
 
     def _shows_copy(self) -> bool:
         """Whether what is shown is a copy of the data: after RK4, which leaves derived quantities of its last stage,
-        and of no state of the run."""
-        return not self.as_stepped and derives_last_stage(self.model)
+        and of no state of the run. A certificate that shows none of them needs no copy."""
+        return (
+            not self.as_stepped and (self.shows_derived or not self.every_step) and derives_last_stage(self.model)
+        )
 
     def _refresh(self, shows_copy: bool) -> None:
         """Choose the data that is shown: the run's own, or a copy that is derived again from its state. The run itself
@@ -117,7 +120,7 @@ class LabSimulation:
             machine.ctx, machine.budget = self.machine.ctx, self.machine.budget
             self.refreshed = self._bind_shown(machine), machine
         self.shown, self.shown_machine = self.refreshed
-        self.record.rederived = True
+        self.record.rederived = self.shows_derived
         self._call(partial(derive_copy, copy=self.shown_machine.data))
 
     def _set(self, values: Mapping[str, OptionValue], wanted: Callable[[Slider | Select], bool]) -> None:

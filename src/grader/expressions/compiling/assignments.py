@@ -102,6 +102,7 @@ class Assignments(Chains):
 
     def written(self, node: Node, place: Place, new: Term) -> Term:
         """Returns the assignment of a value, which is the value of the assignment."""
+        self.writes = True
         term = Term(place.write(new), new.stored_kind)
         self.at(node, term.code)
         return term

@@ -198,6 +198,7 @@ class Chains(Terms, ABC):
             raise SyntaxRefused(function, f"{name}() is not available{suggest(name, FUNCTIONS.keys())}")
         if method in ARRAY_WRITERS and paths.WRITABLE.get(path) is False:
             raise SyntaxRefused(node, f"{path} can only be read")
+        self.writes |= method in ARRAY_WRITERS
 
         def build(value: ast.expr) -> ast.expr:
             given = self.arguments(scope, node, args, CALLBACKS[method])

@@ -87,7 +87,7 @@ class Terms:
     """Compiles the expressions of one text. `kinds` is what is assumed of each variable (None: nothing),
     `variable_kinds` what is assigned to it; `needs` names what a machine binds before the program runs; `places` are
     the positions of errors, by line of the compiled code; `elements` are those of fields that the text names by a
-    number, each with its position."""
+    number, each with its position; `writes` says whether something is assigned or an array changed."""
 
     def __init__(self, kinds: dict[str, ValueKind] | None) -> None:
         self.kinds = kinds
@@ -96,6 +96,7 @@ class Terms:
         self.places: list[tuple[int, int]] = []
         self.elements: list[tuple[str, float, tuple[int, int]]] = []
         self.temporaries = 0
+        self.writes = False
 
     def need(self, kind: str, path: str) -> str:
         """Returns the variable for what a machine binds for the path; the kinds are those of `paths.BINDERS`."""
