@@ -374,3 +374,10 @@ def test_a_content_folder_that_is_not_there_is_one_line(tmp_path: Path) -> None:
 def test_the_help_of_bench_names_every_benchmark() -> None:
     text = grader("bench", "--help").stdout
     assert [name for name in STUDIES if name not in text] == []
+
+
+def test_the_package_is_the_command_line_too() -> None:
+    command = [sys.executable, "-m", "grader", "grade", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "python -m grader grade" in done.stdout

@@ -61,7 +61,7 @@ def test_a_state_alone_is_shown_without_deriving_anything(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "changes", ["(data.qpos[0] = 2)", "data.qpos.fill(3)[0]", "(a => a[0]++)(data.qpos)", "(x => x.set([4]))(data.qvel)"]
+    "changes", ["(data.qpos[0] = 2)", "data.qpos.fill(3)[0]", "(a => a[0]++)(data.qpos)", "data.qvel.set([4])"]
 )
 def test_a_readout_that_writes_is_shown_from_a_copy(changes: str) -> None:
     assert run(FREE_JOINT, changes, key=0).rederived

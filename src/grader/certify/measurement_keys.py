@@ -35,7 +35,7 @@ from grader.experiments.runs import (
     evaluate,
     read_xml,
     run_experiment,
-    to_number,
+    to_numbers,
 )
 from grader.questions import ModelXml, NumberKey
 from grader.questions.kinds.number.units import convert, known_unit, read_unit
@@ -233,7 +233,7 @@ def measure_series(run: LabRun, verify: ByMeasurement) -> float:
 
 def read_series(run: LabRun) -> tuple[Floats, Floats]:
     """Returns the times of a run and its first readout."""
-    return np.array(run.times), np.array([to_number(value) for value in run.readouts[0]])
+    return np.array(run.times), to_numbers(run.readouts[0])
 
 
 def find_scale(when: str, unit: str | None) -> float:

@@ -23,7 +23,7 @@ from grader.experiments.runs import (
     format_readout,
     remove_display,
     run_experiment,
-    to_number,
+    to_numbers,
 )
 from grader.numerics.integrators import INTEGRATORS
 from grader.numerics.scene import Scene
@@ -243,7 +243,7 @@ def _explain_lasting_motion(lab: LabConfig, xml: str, setting: Setting, seconds:
     def read(variant: Variant) -> tuple[LabRun, Floats]:
         variant = replace(variant, every_step=True)
         run = run_experiment(config, xml, setting, seconds=seconds, variant=variant, keys={})
-        return run, np.array([[to_number(value) for value in series] for series in run.readouts])
+        return run, np.array([to_numbers(series) for series in run.readouts])
 
     return explain_lasting_motion(read) if nv else None
 

@@ -9,7 +9,7 @@ import numpy as np
 from grader.domain.lab import LabConfig, Readout
 from grader.domain.verify import Setting
 from grader.errors import ContentError, GraderError, LabError
-from grader.expressions import DATA_RESULTS, DATA_STATE, Machine, compile_program, to_boolean, to_number
+from grader.expressions import DATA_RESULTS, DATA_STATE, Machine, compile_program, to_boolean, to_number, to_numbers
 from grader.labs import SAME, LabRun, Variant, build_lab_scene, choose_length_s, format_readout, run_lab
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "set_fields",
     "to_boolean",
     "to_number",
+    "to_numbers",
 ]
 
 DATA_FIELDS = DATA_RESULTS | DATA_STATE

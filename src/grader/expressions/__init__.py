@@ -19,9 +19,10 @@ from grader.expressions.compiling.syntax import ProgramKind
 from grader.expressions.fields import DATA_RESULTS, DATA_STATE
 from grader.expressions.machine import Machine
 from grader.expressions.program import Program, Run, compile_program
-from grader.expressions.values import UNDEFINED, RunError, Value, Vector, to_boolean, to_number
+from grader.expressions.values import UNDEFINED, RunError, Value, Vector, to_boolean, to_number, to_numbers
 
 __all__ = [
     "DATA_RESULTS", "DATA_STATE", "UNDEFINED", "Machine", "Program", "ProgramKind", "Run", "RunError", "Value",
-    "Vector", "compile_program", "fields", "syntax", "texts", "to_boolean", "to_number", "values",
+    "Vector", "compile_program", "fields", "syntax", "texts", "to_boolean", "to_number",
+    "to_numbers", "values",
 ]  # fmt: skip

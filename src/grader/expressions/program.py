@@ -33,8 +33,8 @@ Run = Callable[..., Value]
 
 
 class Program:
-    """A compiled text. `where` names it in errors, such as `q3.sim.controls[0].apply`. With `reads_state_alone` it reads
-    nothing that MuJoCo derives from the state, and changes nothing. Raises SyntaxRefused."""
+    """A compiled text. `where` names it in errors, such as `q3.sim.controls[0].apply`. With `reads_state_alone` it
+    reads nothing that MuJoCo derives from the state, and changes nothing. Raises SyntaxRefused."""
 
     def __init__(self, source: Source, where: str) -> None:
         self.source, self.where = source, where

@@ -5,7 +5,7 @@ named parts are Records."""
 import math
 import operator
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -143,6 +143,12 @@ def to_number(value: Value) -> float:
     if isinstance(value, bool) or value is None:
         return float(value or 0)
     return math.nan if value is UNDEFINED else text_to_number(to_string(value))
+
+
+def to_numbers(column: Collection[Value]) -> NDArray[np.float64]:
+    """`Number(value)` of each of many values, as an array (n,)."""
+    numbers = column if set(map(type, column)) == {float} else [to_number(value) for value in column]
+    return np.array(numbers, dtype=np.float64)
 
 
 def to_string(value: Value) -> str:

@@ -105,9 +105,7 @@ class LabSimulation:
     def _shows_copy(self) -> bool:
         """Whether what is shown is a copy of the data: after RK4, which leaves derived quantities of its last stage,
         and of no state of the run. A certificate that shows none of them needs no copy."""
-        return (
-            not self.as_stepped and (self.shows_derived or not self.every_step) and derives_last_stage(self.model)
-        )
+        return not self.as_stepped and (self.shows_derived or not self.every_step) and derives_last_stage(self.model)
 
     def _refresh(self, shows_copy: bool) -> None:
         """Choose the data that is shown: the run's own, or a copy that is derived again from its state. The run itself

@@ -3,7 +3,7 @@ statements of `setup`."""
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,7 +15,7 @@ from grader.domain.lab import Button, LabConfig, OptionValue, Select, SimLab, Sl
 from grader.domain.pages.markup import plain_text
 from grader.errors import CallerError, GraderError
 from grader.experiments.quantities import Floats
-from grader.experiments.runs import LabRun, Variant, choose_length_s, run_experiment, to_number
+from grader.experiments.runs import LabRun, Variant, choose_length_s, run_experiment, to_numbers
 from grader.expressions import RunError, Value
 from grader.library import Library
 from grader.questions import Question, kind_of
@@ -143,10 +143,10 @@ def list_labs_near(library: Library, quiz_id: str) -> Iterator[LabConfig]:
             yield lab
 
 
-def read_numbers(column: Iterable[Value]) -> Floats:
+def read_numbers(column: Sequence[Value]) -> Floats:
     """Returns what an expression gave in each frame (n,); NaN where it is no number."""
     try:
-        return np.array([to_number(value) for value in column])
+        return to_numbers(column)
     except RunError:
         return np.array([np.nan])
 

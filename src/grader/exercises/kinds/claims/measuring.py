@@ -23,7 +23,7 @@ from grader.experiments.limits import (
 )
 from grader.experiments.quantities import WAVES, measure, measure_waves, read_trace
 from grader.experiments.regime import RegimeFailure, describe_reset
-from grader.experiments.runs import SAME, LabRun, Variant, VerifyError, run_experiment, to_number
+from grader.experiments.runs import SAME, LabRun, Variant, VerifyError, run_experiment, to_numbers
 
 STEPS_MAX = 20_000
 """Most steps at the model's own timestep in all runs of a case: seconds of computing, with those at shorter ones."""
@@ -87,7 +87,7 @@ def run_config(config: LabConfig, experiment: Experiment, variant: Variant) -> t
     run = run_experiment(config, experiment.xml, seconds=experiment.seconds, variant=variant, keys=KEYS)
     if run.warnings:
         raise RegimeFailure("no reset", describe_reset(run))
-    return run, np.array([[to_number(value) for value in row] for row in run.rows])
+    return run, np.stack([to_numbers(column) for column in run.readouts], axis=1)
 
 
 class Bench:
