@@ -19,6 +19,7 @@ from grader.grading.references import ReferenceProgram, find_references
 from grader.library import Library, load
 from grader.questions.kinds.script import ScriptQuestion
 from grader.sandbox.jail import Jail
+from support.content import PASSED
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -28,7 +29,7 @@ Placed = dict[str, tuple[ClassAxis, Position | None]]
 @cache
 def load_content(folder: Path) -> tuple[Library, dict[str, ReferenceProgram]]:
     """A content folder, and its reference programs by their path below reference_solutions."""
-    library = load(folder)
+    library = load(folder, passed=PASSED)
     programs = [reference for reference in find_references(folder) if isinstance(reference, ReferenceProgram)]
     return library, {program.file.removeprefix("reference_solutions/"): program for program in programs}
 

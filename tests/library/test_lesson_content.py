@@ -7,8 +7,9 @@ import pytest
 
 from grader.domain.verdict import Status
 from grader.labs import run_lab
-from grader.library import Library, load
+from grader.library import Library
 from grader.questions import grade_answer, kind_of
+from support.content import load_content
 
 ROOT = Path(__file__).parents[2]
 MODELS = ("pendulum", "pendulum_servo", "double_pendulum")
@@ -17,7 +18,7 @@ MOTOR = '<motor name="torque" joint="hinge" ctrlrange="-3 3"/>'
 
 @pytest.fixture(scope="module")
 def library() -> Library:
-    return load(ROOT)
+    return load_content()
 
 
 def test_the_content_of_this_repository_loads_without_a_warning(library: Library) -> None:

@@ -7,9 +7,8 @@ import numpy as np
 
 from grader.domain.run import RunReport, RunStatus
 from grader.exercises import judge_exercise, plan_exercise
-from grader.library import load
 from grader.questions.kinds.script import ScriptQuestion
-from grader.settings import default_content
+from support.content import load_content
 
 SPRING_MS = (22.05, 22.44)
 """Where a learner ends who forgets the damping."""
@@ -20,7 +19,7 @@ RIGHT_MS = {"Euler": (19.9, 20.1), "implicitfast": (24.9, 25.1), "discrete": Non
 @cache
 def threshold_verdict(kind: str) -> dict[str, Any]:
     """The verdict on a script that claims the spring's limit everywhere, or the right ones of the lesson's servo."""
-    library = load(default_content())
+    library = load_content()
     question = library.question("1.3-exercises", "servo-threshold")
     assert isinstance(question, ScriptQuestion)
     plan = plan_exercise(question, library.model_xml, 1)

@@ -5,11 +5,10 @@ import pytest
 from grader.courses.reporting.class_answers import ClassAnswers
 from grader.domain.axes import RIGHT, ClassAxis
 from grader.errors import NotFound
-from grader.library import load
-from grader.settings import default_content
 from grader.web.cohort.answers_page import ClassAt
 from grader.web.cohort.axis_words import describe_right, write_value
 from grader.web.cohort.scripts_page import find_family
+from support.content import load_content
 
 
 @pytest.mark.parametrize(
@@ -22,7 +21,7 @@ from grader.web.cohort.scripts_page import find_family
     ],
 )
 def test_scripts_and_models_are_read_side_by_side_and_files_are_not(quiz: str, question: str, *, shows: bool) -> None:
-    asked = load(default_content()).question(quiz, question)
+    asked = load_content().question(quiz, question)
     at = ClassAt(quiz, asked, ClassAnswers((), {}), (), "A title")
     assert at.shows_scripts is shows
     with pytest.raises(NotFound, match="any more" if shows else "are no scripts"):

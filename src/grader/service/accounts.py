@@ -70,13 +70,13 @@ def give_extension(settings: Settings, key: tuple[str | None, str, str], granted
     """Gives (course, quiz, user) an extension. Raises NotFound if the course has no such quiz or member, and
     Unprocessable."""
     from grader.courses.answering import results  # it loads MuJoCo, which the other functions do not need
-    from grader.library import load
+    from grader.library import PassedChecks, load
 
     course, quiz, user = key
 
     def give(database: Database, session: Session) -> None:
         learner = members.find_named(session, user, course or DEFAULT_COURSE)
-        library = load(settings.courses.get(learner.course, settings.content))
+        library = load(settings.courses.get(learner.course, settings.content), passed=PassedChecks(settings.cache))
         results.grant(database, library, session, learner, quiz, granted=granted, by=None)
 
     in_opened(settings, give)
