@@ -34,7 +34,7 @@ NARROW, WIDE = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
 @pytest.fixture(scope="module")
 def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
     settings = Settings(data=tmp_path_factory.mktemp("cohort"), workers=1)
-    fill_demo(settings, print, learners=16, seed=9, now=now())
+    fill_demo(settings, print, learners=10, seed=6, now=now())
     return settings
 
 
