@@ -154,6 +154,54 @@ def test_a_sensor_has_the_unit_of_its_type(text: str, unit: str, fits: bool) -> 
     assert (explain_unit(text, mujoco.MjModel.from_xml_string(SENSED), unit) is None) == fits
 
 
+DRIVEN = """<mujoco><worldbody><site name="a"/><body name="b" pos="0 0 1"><joint name="s" type="slide"/>
+<geom size="1"/><site name="c"/><body><joint name="h"/><geom size="1"/></body></body></worldbody>
+<tendon><spatial name="cable"><site site="a"/><site site="c"/></spatial>
+<fixed name="turns"><joint joint="h" coef="2"/></fixed>
+<fixed name="both"><joint joint="h" coef="2"/><joint joint="s" coef="2"/></fixed></tendon>
+<actuator><motor name="m0" joint="s"/><motor name="m1" joint="h" gear="9"/><motor name="m2" tendon="cable"/>
+<motor name="m3" tendon="both"/><motor name="m4" site="c"/></actuator>
+<sensor><tendonpos name="long" tendon="cable"/><tendonvel name="turn" tendon="turns"/>
+<actuatorfrc name="torque" actuator="m1"/></sensor></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "fits"),
+    [
+        ("1.2 - data.qpos[0]", "m", True),
+        ("1.2 - data.qpos[0]", "mm", False),
+        ("(-3) + lib.deg(data.qpos[1])", "rad", False),
+        ("1000 * data.qpos[0] - 7.3", "mm", True),
+        ("Math.max(data.qpos[1], 0)", "deg", False),
+        ("data.qpos[1] > 0 ? data.qpos[1] : 0.7", "deg", False),
+        ("data.qpos[1] > 0 ? data.qpos[1] : data.qpos[0]", "deg", True),  # not known
+        ("lib.norm([data.xpos[3], data.xpos[4]])", "mm", False),
+        ("lib.norm([data.xpos[3], data.qvel[0]])", "mm", True),
+        ("data.ten_length[0]", "mm", False),
+        ("data.ten_length[1]", "deg", False),
+        ("data.ten_length[2]", "deg", True),
+        ("data.ten_velocity[1]", "rpm", False),
+        ("data.ten_length[3]", "mm", True),  # there is none
+        ("data.actuator_length[1]", "deg", False),
+        ("data.actuator_velocity[0]", "mm/s", False),
+        ("data.actuator_force[0]", "kN", False),
+        ("data.actuator_force[1]", "N", False),
+        ("data.actuator_force[2]", "N", True),
+        ("data.actuator_force[3]", "kN", True),
+        ("data.actuator_force[4]", "kN", True),
+        ("lib.sensor('long')", "mm", False),
+        ("lib.sensor('turn')", "rad/s", True),
+        ("lib.sensor('torque')", "kN m", False),
+        ("lib.massMatrix()[0][0]", "g", False),
+        ("lib.massMatrix()[1][1]", "kg m^2", True),
+        ("lib.massMatrix()[0][1]", "g", True),
+        ("lib.massMatrix()[7][7]", "g", True),
+    ],
+)
+def test_sums_tendons_and_actuators_have_units(text: str, unit: str, *, fits: bool) -> None:
+    assert (explain_unit(text, mujoco.MjModel.from_xml_string(DRIVEN), unit) is None) == fits
+
+
 def test_a_mass_that_is_written_as_a_number_is_told_the_field_of_the_model(model: mujoco.MjModel) -> None:
     why = explain_unit("0.5 * 3 * data.qvel[0] ** 2", model, "J")
     assert why is not None and "model.body_mass[1]" in why

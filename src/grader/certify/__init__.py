@@ -39,6 +39,11 @@ INFERRED = (
 )
 """The end of a fault of a key without `verify`."""
 
+LINEARISING = "mjd_"
+"""How MuJoCo's functions begin that linearise a motion; they know neither delays nor sleeping bodies."""
+
+GIVEN = ': write "timestep": "given" if the number is about the run at the own timestep'
+
 
 def certify_key(key: AnswerKey, model_xml: ModelXml) -> Certificate | None:
     """Derive a key again as its `verify` says, or as the text of its question allows; None if physics cannot decide it.
@@ -50,24 +55,36 @@ def certify_key(key: AnswerKey, model_xml: ModelXml) -> Certificate | None:
         verify = key.verify or infer_verify(key)
         if verify is None:
             return None
-        if isinstance(verify, ByHand):
-            certificate = refuse("hand", key.answer, "nothing was simulated, since the key is derived by hand")
-        else:
-            certificate = _certify(key, verify, model_xml)
+        certificate = _derive(key, verify, model_xml)
     except (VerifyError, CallerError, LabRefused, ValueError, FatalError) as error:
         at = error.key if isinstance(error, VerifyError) else "verify"
         certificate = refuse("verify", key.answer, f"it cannot be re-derived: {error}", key=at)
-    else:
-        if verify.accept is not None:
-            certificate = _accept(certificate, verify.accept)
     if key.verify is None and (_are_all_stable(certificate) or _is_about_something_else(certificate, key)):
         return None
     if key.verify is None and not certificate.ok:
         certificate = replace(certificate, why=f"{certificate.why}; {INFERRED}")
-    certificate = _remark_other_model(_compare_units(certificate, key, model_xml), key)
+    certificate = _remark_other_model(certificate, key)
     at = certificate.key if key.verify is not None else "answer"
     at = f"{key.place}.{at}" if key.place else at
     return replace(certificate, cost_ms=1000 * (time.perf_counter() - began), key=at)
+
+
+def _derive(key: AnswerKey, verify: Verify, model_xml: ModelXml) -> Certificate:
+    """Returns the certificate of a key whose `verify` can be carried out, as the author accepts it."""
+    if isinstance(verify, ByHand):
+        certificate = refuse("hand", key.answer, "nothing was simulated, since the key is derived by hand")
+    else:
+        try:
+            certificate = _compare_units(_certify(key, verify, model_xml), key, model_xml)
+        except FatalError as error:
+            if LINEARISING not in str(error):
+                raise
+            given = GIVEN if isinstance(verify, ByMeasurement) else ""
+            why = (
+                f"the motion cannot be linearised, so nothing tells whether a timestep is short enough for it ({error})"
+            )
+            certificate = refuse(verify.by, key.answer, f"{why}{given}", failed="linearised")
+    return certificate if verify.accept is None else _accept(certificate, verify.accept)
 
 
 def _accept(certificate: Certificate, reason: str) -> Certificate:

@@ -91,6 +91,13 @@ def certify_stage(key: OptionKey, verify: ByStage, model_xml: ModelXml) -> Certi
         )
         return refuse("stage", key.answer, why, key="verify.fills", measured=measured)
     right = [i for i, stage in enumerate(stages) if stage == CALLS[first]]
+    if not right and verify.stages is None and None in stages:
+        unknown = key.options[stages.index(None)]
+        why = (
+            f"{CALLS[first]} fills data.{verify.fills}, and the option {plain_text(unknown)!r} names no stage of "
+            "mj_step: write verify.stages, the call of each option"
+        )
+        return refuse("stage", key.answer, why, key="verify", measured=measured)
     return certify_choice("stage", right, key.answer, key.options, measured)
 
 

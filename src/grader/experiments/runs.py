@@ -1,5 +1,6 @@
 """Runs labs and evaluates expressions for measurements; the only module of this room that imports the labs."""
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
@@ -57,6 +58,20 @@ PROBES = 12
 """Linearisations of the equations of motion along a run."""
 
 
+UNCOMPUTED = {
+    **dict.fromkeys(
+        ("data.subtree_linvel", "data.subtree_angmom"), ("mj_subtreeVel", ("subtreelinvel", "subtreeangmom"))
+    ),
+    **dict.fromkeys(
+        ("data.cacc", "data.cfrc_int", "data.cfrc_ext"),
+        ("mj_rnePostConstraint", ("accelerometer", "force", "torque", "framelinacc", "frameangacc")),
+    ),
+    "data.qfrc_inverse": ("mj_inverse", tuple[str, ...]()),
+}
+"""Fields that mj_step leaves at 0: the function that fills them, and the types of sensors for which MuJoCo calls it.
+Source: engine_sensor.c of 3.14.0, mj_sensorVel and mj_sensorAcc."""
+
+
 class VerifyError(GraderError):
     """A `verify` that cannot be carried out; `key` is the faulty key of the question, such as `verify.expr`."""
 
@@ -88,6 +103,9 @@ def run_experiment(
     Raises VerifyError for an expression or keyframe that cannot be used, LabRefused for control values or lengths
     that are not allowed, ValueError if MuJoCo cannot compile the model.
     """
+    texts = (*(readout.expr for readout in config.readouts), config.controller or "", config.setup or "")
+    if why := explain_uncomputed(" ".join(texts), lambda: mujoco.MjModel.from_xml_string(xml)):
+        raise VerifyError(keys.get("readouts", "verify"), why)
     try:
         run = run_lab(config, xml, controls, (), seconds, variant=variant)
         for error, _ in run.failed.values():  # a page shows a dash, but a key cannot rest on it
@@ -107,6 +125,18 @@ def _find_key(lab_key: str, keys: Mapping[str, str]) -> str:
     return keys.get(part, "verify")
 
 
+def explain_uncomputed(text: str, make_model: Callable[[], mujoco.MjModel]) -> str | None:
+    """Says which field of the data that expressions name is always 0 in this model, and what to do."""
+    for field, (call, sensors) in UNCOMPUTED.items():
+        if call in text or not re.search(rf"{re.escape(field)}\b", text):
+            continue
+        types = {mujoco.mjtSensor(one).name.removeprefix("mjSENS_").lower() for one in make_model().sensor_type}
+        if types.isdisjoint(sensors):
+            cure = f"add a sensor, such as {sensors[0]}" if sensors else "data.qfrc_bias has what holds a pose at rest"
+            return f"mj_step leaves {field} at 0, which {call} fills: {cure}"
+    return None
+
+
 def list_more_nudged(runs: Sequence[LabRun]) -> tuple[Variant, ...]:
     """Returns the further nudged starts that must be tried after those runs: none where they have not PARTED."""
     one, other = (np.array(run.states) for run in runs)
@@ -124,6 +154,8 @@ def remove_display(config: LabConfig, *readouts: str) -> LabConfig:
 def evaluate(text: str, model: mujoco.MjModel, data: mujoco.MjData, key: str) -> float:
     """Returns the value of an expression as a number. Raises VerifyError with `key` if it does not compile or fails."""
     with _expression_errors(key):
+        if why := explain_uncomputed(text, lambda: model):
+            raise VerifyError(key, why)
         return to_number(compile_program(text, "expression", key).run(Machine(model, data)))
 
 

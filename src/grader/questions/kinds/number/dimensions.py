@@ -3,6 +3,7 @@ number that is written in the text may be a length or a mass as well, unless it 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from math import isclose, log10, pi
 
@@ -78,6 +79,24 @@ SENSORS = {
 JOINT_SENSORS = {"jointpos": "data.qpos", "jointvel": "data.qvel", "jointactfrc": "data.qfrc_actuator"}
 """Sensors of joints, and the fields that they read."""
 
+TENDONS = {"data.ten_length": (M, RAD), "data.ten_velocity": (SPEED, TURNING)}
+ACTUATORS = {
+    "data.actuator_length": (M, RAD), "data.actuator_velocity": (SPEED, TURNING), "data.actuator_force": (N, N_M),
+}  # fmt: skip
+"""What fields of tendons and actuators hold: of what is as long as a slide, and of what turns as a hinge."""
+
+DRIVEN_SENSORS = {
+    "tendonpos": "data.ten_length", "tendonvel": "data.ten_velocity", "actuatorpos": "data.actuator_length",
+    "actuatorvel": "data.actuator_velocity", "actuatorfrc": "data.actuator_force",
+}  # fmt: skip
+"""Sensors of tendons and actuators, and the fields that they read."""
+
+SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
+MASSES = {(SLIDE, SLIDE): KG, (HINGE, HINGE): Dimension((2, 1, 0), 1.0, "kg m²")}
+"""What an element of the mass matrix is, by the joints of its row and column."""
+
+MASS = re.compile(r"lib\.massMatrix\(\)\[(\d+)\]\[(\d+)\]")
+
 
 def explain_unit(text: str, model: mujoco.MjModel, unit: str) -> str | None:
     """Returns why the value of an expression is not in the unit of its question; None where it is, or is not known."""
@@ -145,12 +164,12 @@ def _read(node: Node, model: mujoco.MjModel) -> Dimension | None:
             return _read(parts[0], model)
         case "number":
             return _read_number(syntax.read_number(node))
+        case "ternary_expression" | "array":
+            return _read_alike(parts[node.type == "ternary_expression" :], model)
         case "binary_expression":
             return _combine(syntax.read_text(syntax.get_field(node, "operator")), parts[0], parts[1], model)
-        case "call_expression":
-            return _read_call(node, model)
-        case "member_expression" | "subscript_expression":
-            return _read_field(node, model)
+        case "call_expression" | "member_expression" | "subscript_expression":
+            return (_read_call if node.type == "call_expression" else _read_field)(node, model)
     return None
 
 
@@ -162,6 +181,8 @@ def _combine(operator: str, left: Node, right: Node, model: mujoco.MjModel) -> D
     """Returns what a sum, a product or a power measures."""
     if operator == "**" and right.type == "number":
         return _raise(_read(left, model), syntax.read_number(right))
+    if operator in ("+", "-") and (_is_constant(left) or _is_constant(right)):
+        return _read_alike([left, right], model)
     a, b = _read(left, model), _read(right, model)
     if a is None or b is None:
         return None
@@ -173,6 +194,19 @@ def _combine(operator: str, left: Node, right: Node, model: mujoco.MjModel) -> D
     size = None if a.size is None or b.size is None else a.size * b.size**sign
     x, y, z = (p + sign * q for p, q in zip(a.powers, b.powers, strict=True))
     return Dimension((x, y, z), size, a.name if b == NUMBER else "")
+
+
+def _is_constant(node: Node) -> bool:
+    """Whether a node is a number that the author wrote: it is in the unit of what it is added to or compared with."""
+    return node.type == "number" or (
+        node.type in ("unary_expression", "parenthesized_expression") and _is_constant(syntax.list_parts(node)[0])
+    )
+
+
+def _read_alike(nodes: list[Node], model: mujoco.MjModel) -> Dimension | None:
+    """Returns what all of these nodes measure, but for numbers that are written; None where they differ."""
+    first, *others = [_read(node, model) for node in nodes if not _is_constant(node)] or [None]
+    return first if all(other == first for other in others) else None
 
 
 def _raise(base: Dimension | None, exponent: float) -> Dimension | None:
@@ -196,8 +230,7 @@ def _read_call(node: Node, model: mujoco.MjModel) -> Dimension | None:
         )
     if name == "Math.sqrt" and arguments:
         return _raise(_read(arguments[0], model), 0.5)
-    read = [_read(argument, model) for argument in arguments]
-    return read[0] if name in SAME and read and all(other == read[0] for other in read) else None
+    return _read_alike(arguments, model) if name in SAME else None
 
 
 def _read_field(node: Node, model: mujoco.MjModel) -> Dimension | None:
@@ -211,6 +244,8 @@ def _read_field(node: Node, model: mujoco.MjModel) -> Dimension | None:
         return FIELDS[path]
     if owner.type == "call_expression":
         return _read(owner, model)
+    if found := MASS.fullmatch(text):
+        return _read_mass(model, *map(int, found.groups()))
     return _read_element(path, syntax.read_number(index), model) if index.type == "number" else None
 
 
@@ -221,6 +256,8 @@ def _read_element(path: str, at: float, model: mujoco.MjModel) -> Dimension | No
         return _read_sensor(model, int(np.searchsorted(model.sensor_adr, at, side="right")) - 1)
     if path == "model.actuator_gainprm":
         return _read_stiffness(model, int(at))
+    if path in TENDONS or path in ACTUATORS:
+        return _read_driven(path, model, int(at))
     if path not in JOINTS:
         return None
     addresses = {"data.qpos": model.jnt_qposadr, "model.qpos0": model.jnt_qposadr, "model.jnt_stiffness": joints}
@@ -251,9 +288,50 @@ def _read_sensor(model: mujoco.MjModel, index: int) -> Dimension | None:
     if not 0 <= index < model.nsensor:
         return None
     name = mujoco.mjtSensor(model.sensor_type[index]).name.removeprefix("mjSENS_").lower()
-    if name not in JOINT_SENSORS:
-        return SENSORS.get(name)
-    return _of_joint(JOINT_SENSORS[name], int(model.jnt_type[model.sensor_objid[index]]))
+    at = int(model.sensor_objid[index])
+    if name in DRIVEN_SENSORS:
+        return _read_driven(DRIVEN_SENSORS[name], model, at)
+    return _of_joint(JOINT_SENSORS[name], int(model.jnt_type[at])) if name in JOINT_SENSORS else SENSORS.get(name)
+
+
+def _read_driven(path: str, model: mujoco.MjModel, at: int) -> Dimension | None:
+    """Returns what an element of a field of tendons or actuators holds."""
+    fields = TENDONS if path in TENDONS else ACTUATORS
+    if not 0 <= at < (model.ntendon if path in TENDONS else model.nu):
+        return None
+    type_ = _find_tendon_type(model, at) if path in TENDONS else _find_driven_type(model, at)
+    return None if type_ is None else fields[path][type_ == HINGE]
+
+
+def _find_tendon_type(model: mujoco.MjModel, tendon: int) -> int | None:
+    """Returns the type of the joints that a fixed tendon couples, if they are slides or hinges alone; a spatial tendon
+    is as long as a slide."""
+    parts = range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    if model.wrap_type[parts.start] != mujoco.mjtWrap.mjWRAP_JOINT:
+        return SLIDE
+    types = {int(model.jnt_type[model.wrap_objid[part]]) for part in parts}
+    return types.pop() if len(types) == 1 and types <= {SLIDE, HINGE} else None
+
+
+def _find_driven_type(model: mujoco.MjModel, actuator: int) -> int | None:
+    """Returns the type of the joint that an actuator drives, as that of its tendon; None of bodies and sites."""
+    target = int(model.actuator_trnid[actuator, 0])
+    match int(model.actuator_trntype[actuator]):
+        case mujoco.mjtTrn.mjTRN_JOINT | mujoco.mjtTrn.mjTRN_JOINTINPARENT:
+            return type_ if (type_ := int(model.jnt_type[target])) in (SLIDE, HINGE) else None
+        case mujoco.mjtTrn.mjTRN_TENDON:
+            return _find_tendon_type(model, target)
+        case mujoco.mjtTrn.mjTRN_SLIDERCRANK:
+            return SLIDE
+    return None
+
+
+def _read_mass(model: mujoco.MjModel, row: int, column: int) -> Dimension | None:
+    """Returns what an element of the mass matrix is."""
+    if not max(row, column) < model.nv:
+        return None
+    types = (int(model.jnt_type[model.dof_jntid[dof]]) for dof in (row, column))
+    return MASSES.get((next(types), next(types)))
 
 
 def _read_stiffness(model: mujoco.MjModel, index: int) -> Dimension | None:
@@ -268,4 +346,4 @@ def _read_stiffness(model: mujoco.MjModel, index: int) -> Dimension | None:
 
 def _of_joint(path: str, type_: int) -> Dimension | None:
     slide, hinge = JOINTS[path]
-    return {int(mujoco.mjtJoint.mjJNT_SLIDE): slide, int(mujoco.mjtJoint.mjJNT_HINGE): hinge}.get(type_)
+    return {SLIDE: slide, HINGE: hinge}.get(type_)
