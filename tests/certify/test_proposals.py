@@ -16,7 +16,7 @@ from grader.certify.keys import certify_quizzes, propose_for_key
 from grader.certify.proposals import LabScene, Proposal, propose_verify
 from grader.certify.proposals.expressions import multiply
 from grader.certify.proposals.scenes import write_control
-from grader.certify.proposals.wording import Way, read_question, read_ways
+from grader.certify.wording import Way, read_question, read_ways
 from grader.domain.lab import LabConfig, Select, Slider
 from grader.grading.checking import check_content
 from grader.library import PassedChecks, load

@@ -5,10 +5,12 @@ It derives each key again by simulation, or refuses it with the measurements.
 
 import time
 from dataclasses import replace
+from functools import partial
 
 from mujoco import FatalError, MjModel
 
 from grader.certify.certificate import Certificate, refuse
+from grader.certify.contradictions import list_contradictions
 from grader.certify.inference import asks_for_stability, infer_verify
 from grader.certify.measurement_keys import EMPTY, certify_expression, certify_measurement
 from grader.certify.predict_keys import certify_prediction
@@ -63,7 +65,7 @@ def certify_key(key: AnswerKey, model_xml: ModelXml) -> Certificate | None:
         return None
     if key.verify is None and not certificate.ok:
         certificate = replace(certificate, why=f"{certificate.why}; {INFERRED}")
-    certificate = _remark_other_model(certificate, key)
+    certificate = _remark_words(_remark_other_model(certificate, key), key, model_xml)
     at = certificate.key if key.verify is not None else "answer"
     at = f"{key.place}.{at}" if key.place else at
     return replace(certificate, cost_ms=1000 * (time.perf_counter() - began), key=at)
@@ -104,10 +106,22 @@ def _compare_units(certificate: Certificate, key: AnswerKey, model_xml: ModelXml
         return certificate
     if isinstance(verify, ByMeasurement) and verify.when in BASE_UNITS:  # of moments, whatever the expression is in
         return certificate
-    named = verify.model or verify.xml
-    model = MjModel.from_xml_string(read_xml(verify.model, verify.xml, model_xml) if named else EMPTY)
-    why = explain_unit(verify.expr, model, key.unit) if key.unit else None
+    why = explain_unit(verify.expr, _read_model(verify, model_xml), key.unit) if key.unit else None
     return certificate if why is None else replace(certificate, verdict="cannot tell", why=why, key="unit")
+
+
+def _read_model(verify: ByMeasurement | ByExpression, model_xml: ModelXml) -> MjModel:
+    """Returns the model that a `verify` names, or an empty one."""
+    named = verify.model or verify.xml
+    return MjModel.from_xml_string(read_xml(verify.model, verify.xml, model_xml) if named else EMPTY)
+
+
+def _remark_words(certificate: Certificate, key: AnswerKey, model_xml: ModelXml) -> Certificate:
+    """Remark where the words of a question say otherwise than the `verify` that certifies its key."""
+    if certificate.ok and isinstance(key, NumberKey) and isinstance(key.verify, ByMeasurement | ByExpression):
+        for remark in list_contradictions(key, partial(_read_model, key.verify, model_xml)):
+            certificate = certificate.with_remark(remark)
+    return certificate
 
 
 def _remark_other_model(certificate: Certificate, key: AnswerKey) -> Certificate:

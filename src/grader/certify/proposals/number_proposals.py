@@ -16,7 +16,7 @@ from grader.certify.proposals.proposal import Proposal, write_verify
 from grader.certify.proposals.scenes import LabScene, ShownExpression, read_numbers
 from grader.certify.proposals.thresholds import list_thresholds
 from grader.certify.proposals.trying import BROKEN, certify_with
-from grader.certify.proposals.wording import AskedQuantities, read_question, read_words
+from grader.certify.wording import AskedQuantities, read_question, read_words
 from grader.domain.lab import SECONDS_MAX
 from grader.domain.quantities import BASE_UNITS, QuantityName, Summary, Window
 from grader.domain.verify import ByMeasurement, ByThreshold

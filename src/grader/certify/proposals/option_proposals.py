@@ -13,7 +13,7 @@ from grader.certify.proposals.number_proposals import NAMES
 from grader.certify.proposals.proposal import Proposal, write_verify
 from grader.certify.proposals.scenes import LabScene, ShownExpression, read_numbers
 from grader.certify.proposals.trying import BROKEN, certify_with
-from grader.certify.proposals.wording import (
+from grader.certify.wording import (
     Amount,
     AskedQuantities,
     Way,

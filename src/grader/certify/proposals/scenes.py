@@ -10,7 +10,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from grader.certify.proposals.wording import read_words
+from grader.certify.wording import read_words
 from grader.domain.lab import Button, LabConfig, OptionValue, Select, SimLab, Slider
 from grader.domain.pages.markup import plain_text
 from grader.errors import CallerError, GraderError

@@ -1,0 +1,63 @@
+"""Compares the words of a question with what its `verify` measures: a key can be certified of something else."""
+
+import re
+from collections.abc import Callable, Iterator
+from math import isclose, pi
+
+from mujoco import MjModel
+
+from grader.certify.wording import read_question
+from grader.domain.pages.markup import plain_text
+from grader.domain.verify import ByExpression, ByMeasurement
+from grader.numerics.integrators import BY_CODE
+from grader.questions import NumberKey
+
+COMPARED = {
+    "max": "largest",
+    "min": "smallest",
+    "mean": "mean",
+    "amplitude": "amplitude",
+    "peak_to_peak": "peak to peak",
+}
+"""Quantities that are not taken for each other, and their words."""
+
+AT = re.compile(r"\b(?:after|at t ?=|at) ([0-9]+(?:\.[0-9]+)?) ?(ms|s|seconds?)\b", re.I)
+NAMED = re.compile(r"\b(?i:under|with|using|integrator) (Euler|RK4|implicitfast)\b")
+"""The integrators whose names mean nothing else."""
+
+SET = re.compile(r"data\.(?:qpos|qvel)\[\d+\] *= *(-?[0-9.]+) *(?:;|\n|$)")
+ANGLE = re.compile(r"Math\.(?:sin|cos|tan)\( *(-?[0-9.]+) *\)")
+
+
+def list_contradictions(key: NumberKey, read_model: Callable[[], MjModel]) -> Iterator[str]:
+    """Yields what the words of a question say otherwise than its `verify`."""
+    verify = key.verify
+    if not isinstance(verify, ByMeasurement | ByExpression):
+        return
+    for number in ANGLE.findall(verify.expr):
+        if abs(float(number)) > 2 * pi:
+            yield f"JavaScript takes angles in radians: write {number} * Math.PI / 180 in verify.expr for {number}°."
+    if isinstance(verify, ByMeasurement):
+        yield from _compare_measurement(plain_text(key.text), verify, read_model)
+
+
+def _compare_measurement(text: str, verify: ByMeasurement, read_model: Callable[[], MjModel]) -> Iterator[str]:
+    asked = read_question(text)
+    words, measured = asked.quantities, COMPARED.get(verify.when)
+    if len(words) == 1 and words[0] in COMPARED and words[0] != verify.when and measured and "-" not in verify.expr:
+        yield f"The words ask for the {COMPARED[words[0]]}, and verify.when measures the {measured}."
+    moments = {float(number) / (1000 if unit == "ms" else 1) for number, unit in AT.findall(text)}
+    if (
+        verify.when == "end"
+        and len(moments) == 1
+        and not isclose(moment := moments.pop(), verify.seconds, rel_tol=1e-6)
+    ):
+        yield f"The words name {moment:g} s, and verify.seconds ends the run at {verify.seconds:g} s."
+    names = set(NAMED.findall(text))
+    if len(names) == 1 and "integrator" not in (verify.setup or ""):
+        name, own = names.pop(), BY_CODE[int(read_model().opt.integrator)].name
+        if name != own:
+            yield f"The words name the integrator {name}, and the model's is {own}: set model.opt.integrator in setup."
+    for number in SET.findall(verify.setup or ""):
+        if abs(float(number)) > 2 * pi and f"{number}°" in text.replace(" ", ""):
+            yield f"Angles of the data are in radians: write {number} * Math.PI / 180 in verify.setup for {number}°."
