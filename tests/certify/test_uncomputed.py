@@ -98,3 +98,18 @@ def test_options_that_name_no_stage_refute_nothing(options: tuple[str, ...]) -> 
     assert "write verify.stages" in certificate.why
     named = certify_stage(stages=["mj_fwdPosition", None])
     assert named is not None and named.ok
+
+
+@pytest.mark.parametrize(
+    ("changes", "cure"),
+    [
+        ({"expr": "-data.qpos[0]", "when": "crossing", "level": -0.1}, "crossings go up"),
+        ({"expr": "data.qpos[0]", "when": "decay_rate"}, "read from peaks"),
+        ({"expr": "ctx.u", "controller": "ctx.u = data.qpos[0]", "when": "max"}, "set in setup"),
+        ({"expr": "Math.sqrt(-1)"}, "mend expr"),
+    ],
+)
+def test_what_a_run_has_not_is_told_with_its_cure(changes: dict[str, Any], cure: str) -> None:
+    certificate = certify(measure(**changes))
+    assert (certificate.verdict, certificate.key) == ("cannot tell", "verify.expr")
+    assert cure in certificate.why

@@ -24,7 +24,7 @@ from grader.experiments.limits import (
     list_other_ends,
     measure_nudged,
 )
-from grader.experiments.quantities import WAVES, Floats, cut, estimate_rest, measure_waves
+from grader.experiments.quantities import WAVES, Floats, cut, estimate_rest, explain_absence, measure_waves
 from grader.experiments.quantities import measure as measure_quantity
 from grader.experiments.regime import Regime, RegimeFailure, describe_reset, explain_window
 from grader.experiments.runs import (
@@ -83,8 +83,7 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
         if not isfinite(value):
             if (size := np.asarray(run.readouts[0][-1], dtype=object).size) != 1:
                 raise RegimeFailure("finite", f"expr gives {size} numbers: choose one of them, as in expr[0]")
-            what = "finite value" if verify.when in ("end", "max", "min", "mean") else verify.when.replace("_", " ")
-            raise RegimeFailure("finite", f"the run has no {what}: make it longer, or mend expr")
+            raise RegimeFailure("finite", explain_absence(verify.when, verify.expr))
         return run, value
 
     try:

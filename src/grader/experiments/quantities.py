@@ -96,6 +96,21 @@ def find_peak_to_peak(times: Floats, values: Floats, window: Window) -> float:
     return find_max(times, values, window) - find_min(times, values, window)
 
 
+ABSENCES = {
+    "crossing": "; crossings go up unless `direction` says down or either",
+    "decay_rate": "; it is read from peaks above the `level`: without a swing, ask for the crossing of 1/e",
+}
+"""What authors miss of quantities that a run has not."""
+
+
+def explain_absence(quantity: str, expr: str) -> str:
+    """Returns why a run has not a quantity of an expression, with the cure."""
+    if quantity in ("end", "final", "max", "min", "mean", "rms"):
+        before = "set in setup what it reads of ctx, since no controller has run at the start"
+        return f"{expr} has not a finite value throughout: {before if 'ctx.' in expr else 'mend expr'}"
+    return f"the run has no {quantity.replace('_', ' ')}: make it longer, or mend expr{ABSENCES.get(quantity, '')}"
+
+
 def find_crossings(times: Floats, values: Floats, level: float, direction: Direction) -> Floats:
     """Returns the moments at which a series crosses a level [s], between frames by a straight line."""
     above = values - level

@@ -21,7 +21,7 @@ from grader.experiments.limits import (
     list_other_ends,
     measure_nudged,
 )
-from grader.experiments.quantities import WAVES, measure, measure_waves, read_trace
+from grader.experiments.quantities import WAVES, explain_absence, measure, measure_waves, read_trace
 from grader.experiments.regime import RegimeFailure, describe_reset
 from grader.experiments.runs import SAME, LabRun, Variant, VerifyError, run_experiment, to_numbers
 
@@ -134,7 +134,7 @@ def explain_missing(claim: Claim, values: Floats) -> str:
     """Returns why a series has not the number of a claim."""
     if not np.isfinite(values).any():
         return f"{claim.expr} never gives one finite number: look at its index, or choose one number of several"
-    return f"the run has no {claim.quantity.replace('_', ' ')}: make it longer, or mend expr"
+    return explain_absence(claim.quantity, claim.expr)
 
 
 def read_value(claim: Claim, times: Floats, values: Floats, at_s: float = 0.0) -> float:
