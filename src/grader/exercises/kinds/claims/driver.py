@@ -3,6 +3,8 @@ of the driver, which runs in the jail: NumPy, MuJoCo and the standard library al
 it cannot be read, `other<i>` is the text of what stands in its place. Nothing that is measured enters the jail."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import is_dataclass
+from numbers import Real
 from typing import Any
 
 import mujoco
@@ -26,6 +28,7 @@ def trial(
     model = load_model(inputs["model"])
     given = (model, start_data(model, inputs["start"]))
     returned = entry(*given) if inputs["x"] is None else entry(*given, np.array(inputs["x"], dtype=np.float64))
+    returned = name_values(returned)
     names = [name for name, _ in inputs["claims"]]
     for index, value in enumerate(separate(returned, names)):
         numbers = to_numbers(value)
@@ -42,8 +45,8 @@ MISSING = object()
 ABSENT = "nothing"
 """How the text begins that stands for a claim which is not there."""
 
-PLAIN = (int, float)
-"""The types of numbers that an array of objects may hold."""
+TRUTHS = (bool, np.bool_)
+"""Numbers to Python, and none to a reader."""
 
 
 def start_data(model: mujoco.MjModel, start: Mapping[str, Any]) -> mujoco.MjData:
@@ -56,6 +59,15 @@ def start_data(model: mujoco.MjModel, start: Mapping[str, Any]) -> mujoco.MjData
             getattr(data, name)[:] = start[name]
     mujoco.mj_forward(model, data)
     return data
+
+
+def name_values(returned: Any) -> Any:
+    """Returns what holds values by names as a dict: a mapping, a named tuple, an object of a dataclass."""
+    if isinstance(returned, tuple) and hasattr(returned, "_asdict"):
+        return returned._asdict()
+    if is_dataclass(returned) and not isinstance(returned, type):
+        return dict(vars(returned))
+    return dict(returned) if isinstance(returned, Mapping) and not isinstance(returned, dict) else returned
 
 
 def separate(returned: Any, names: Sequence[str]) -> list[Any]:
@@ -80,7 +92,7 @@ def to_numbers(value: Any) -> Any:
     """Returns finite real numbers as an array; None for anything else, such as texts and truth values."""
     try:
         array = np.asarray(value)
-        if array.dtype.kind == "O" and all(type(one) in PLAIN or isinstance(one, np.number) for one in array.flat):
+        if array.dtype.kind == "O" and all(isinstance(one, Real) and not isinstance(one, TRUTHS) for one in array.flat):
             array = array.astype(np.float64)
     except (ValueError, TypeError, OverflowError):
         return None

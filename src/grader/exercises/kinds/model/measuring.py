@@ -14,6 +14,8 @@ READS_FILES = re.compile(r"<\s*(?:include|extension)\b|\bfile\w*\s*=", re.IGNORE
 FILE_NAME = re.compile(r"\s*[^\s<>][^<>\n]{0,200}\.(?:xml|mjcf)\s*", re.IGNORECASE)
 FILE = "name of a file"
 NO_FILES = 'A model that is handed in reads no file: leave out <include>, <extension>, and every file="...".'
+COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+IN_COMMENT = "Here a comment has such words: leave them out of it."
 
 SAMPLES = 64
 """Moments of a run at which its expressions are evaluated, beside the first."""
@@ -52,7 +54,7 @@ def describe(text: str, inputs: Mapping[str, Any], *, halved: bool = True) -> di
     elements, the bodies `of_water`, and the `geoms` where the case begins. With `halved` runs are made with half the
     timestep as well."""
     if READS_FILES.search(text):
-        return {"error": NO_FILES}
+        return {"error": NO_FILES if READS_FILES.search(COMMENT.sub("", text)) else f"{NO_FILES} {IN_COMMENT}"}
     try:
         model = mujoco.MjModel.from_xml_string(text)
     except (ValueError, mujoco.FatalError) as error:

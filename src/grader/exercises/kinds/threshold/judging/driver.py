@@ -9,6 +9,7 @@ import contextlib
 import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 import mujoco
@@ -219,7 +220,7 @@ def read_numbers(claim: object) -> list[float] | None:
 
 def is_number(item: object) -> bool:
     """Whether an item is a finite real number that a float can hold; True and False are not."""
-    if isinstance(item, bool) or not isinstance(item, int | float | np.floating):
+    if isinstance(item, bool) or not isinstance(item, Real):
         return False
     try:
         return bool(np.isfinite(float(item)))
