@@ -10,8 +10,10 @@ from sqlalchemy import (
     Integer,
     SQLColumnExpression,
     Text,
+    and_,
     bindparam,
     case,
+    false,
     func,
     or_,
     select,
@@ -154,11 +156,11 @@ def points_by_learner(session: Session, course: str, quizzes: Sequence[str]) -> 
 
 @dataclass(frozen=True)
 class Ranking:
-    """Which learners of some quizzes are looked for, and in which order. `questions` is their number in these."""
+    """Which learners of some quizzes are looked for, and in which order. `asked` has the questions of each quiz:
+    results at others, which it has lost, neither count nor wait."""
 
     course: str
-    quizzes: Sequence[str]
-    questions: int
+    asked: Mapping[str, Collection[str]]
     without: Collection[str] = ()
     find: str = ""
     """A part of the name, in any case."""
@@ -170,6 +172,11 @@ class Ranking:
     reviewer: str = ""
     """The instructor who looks: first marks that they must not see yet add no points. Empty where there are none."""
 
+    @property
+    def quizzes(self) -> Sequence[str]:
+        """The ids of the quizzes."""
+        return list(self.asked)
+
 
 SHOWS = ("all", "waiting", "incomplete")
 ORDERS = ("name", "points", "answered")
@@ -178,15 +185,15 @@ ORDERS = ("name", "points", "answered")
 def rank_learners(session: Session, wanted: Ranking, start: int, limit: int) -> list[tuple[str, str]]:
     """The ids and names of at most `limit` learners of quizzes after the first `start`. Sums up what the order and the
     filter need, and nothing else: the index alone tells who has results, and how many."""
-    key: ColumnElement[Any] = func.count()
-    if wanted.by == "points":
-        key = func.sum(_seen_points(wanted))
+    answered, points, is_final = _sums(wanted)
+    keys: dict[str, ColumnElement[Any]] = {"points": points, "answered": answered}
+    key = keys.get(wanted.by, func.count())
     theirs = (Result.course == wanted.course, _among(wanted.quizzes), Result.learner.not_in(wanted.without))
     each = select(Result.learner, key.label("key")).where(*theirs).group_by(Result.learner)
     if wanted.show == "waiting":
-        each = each.having(func.min(Result.is_final.cast(Integer)) == 0)
+        each = each.having(is_final == 0)
     elif wanted.show == "incomplete":
-        each = each.having(func.count() < wanted.questions)
+        each = each.having(answered < sum(map(len, wanted.asked.values())))
     ranked = each.subquery()  # a name is looked up once for each learner
     name = func.coalesce(Member.name, ranked.c.learner)
     rows = select(ranked.c.learner, name).outerjoin(Member, Member.id == ranked.c.learner)
@@ -195,6 +202,15 @@ def rank_learners(session: Session, wanted: Ranking, start: int, limit: int) -> 
     first, *then = (Folded(name),) if wanted.by == "name" else (ranked.c.key, Folded(name))
     order = (first.desc() if wanted.descending else first, *then, ranked.c.learner)
     return [(row[0], row[1]) for row in session.execute(rows.order_by(*order).offset(start).limit(limit))]
+
+
+def _sums(wanted: Ranking) -> tuple[ColumnElement[int], ColumnElement[float], ColumnElement[int]]:
+    """How many results of a group are at questions that are asked; their points; whether all of them are final, 0 or 1.
+    What is not asked is no condition of the query, whose index stays one on quizzes and learners."""
+    asked = or_(false(), *(and_(Result.quiz == quiz, Result.question.in_(ids)) for quiz, ids in wanted.asked.items()))
+    is_final = case((asked, Result.is_final.cast(Integer)), else_=1)
+    points = case((asked, _seen_points(wanted)), else_=0.0)
+    return func.sum(case((asked, 1), else_=0)), func.sum(points), func.min(is_final)
 
 
 def _seen_points(wanted: Ranking) -> SQLColumnExpression[float]:
@@ -214,13 +230,13 @@ class QuizSum(NamedTuple):
 
 
 def sums_of_learners(session: Session, wanted: Ranking, learners: Sequence[str]) -> dict[str, dict[str, QuizSum]]:
-    """The sums of some learners by quiz. They come out of the index alone."""
-    points, final = func.sum(_seen_points(wanted)), func.min(Result.is_final.cast(Integer))
+    """The sums of some learners by quiz in which they have answered. They come out of the index alone."""
+    answered, points, final = _sums(wanted)
     here = (Result.course == wanted.course, _among(wanted.quizzes), Result.learner.in_(learners))
-    each = select(Result.learner, Result.quiz, points, func.count(), final).where(*here)
+    each = select(Result.learner, Result.quiz, points, answered, final).where(*here).having(answered > 0)
     sums: dict[str, dict[str, QuizSum]] = {learner: {} for learner in learners}
-    for learner, quiz, total, answered, is_final in session.execute(each.group_by(Result.quiz, Result.learner)):
-        sums[learner][quiz] = QuizSum(total, answered, not is_final)
+    for learner, quiz, total, number, is_final in session.execute(each.group_by(Result.quiz, Result.learner)):
+        sums[learner][quiz] = QuizSum(total, number, not is_final)
     return sums
 
 

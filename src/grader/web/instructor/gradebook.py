@@ -157,15 +157,15 @@ def list_rows(
     """Returns one learner more than a page has."""
     without, unseen = results.list_instructors(session, who.course), find_unseen(session, who).results
     reviewer = who.id if unseen else ""
-    questions, ids = sum(len(quiz.questions) for quiz in quizzes), [quiz.id for quiz in quizzes]
-    ranking = Ranking(who.course, ids, questions, without, reviewer=reviewer, **wanted)
+    asked = {quiz.id: {question.id for question in quiz.questions} for quiz in quizzes}
+    ranking = Ranking(who.course, asked, without, reviewer=reviewer, **wanted)
     ranked = results.rank_learners(session, ranking, start, ROWS + 1)
     learners = [learner for learner, _ in ranked]
     if len(quizzes) == 1:
-        theirs = results.find_of_learners(session, who.course, ids[0], learners)
+        theirs = results.find_of_learners(session, who.course, quizzes[0].id, learners)
         return [make_row(learner, name, theirs[learner], quizzes[0], unseen) for learner, name in ranked]
     sums = results.sums_of_learners(session, ranking, learners)
-    hidden = {(result.learner, result.quiz) for result in unseen}
+    hidden = {(at.learner, at.quiz) for at in unseen if at.question in asked.get(at.quiz, ())}
     return [sum_row(learner, name, sums[learner], quizzes, hidden) for learner, name in ranked]
 
 
@@ -187,12 +187,13 @@ def sum_row(
 
 
 def make_row(learner: str, name: str, theirs: Sequence[Any], quiz: Quiz, unseen: Collection[LearnerAt]) -> GradebookRow:
-    """A learner with all results in a quiz, also at questions that it has lost; what is `unseen` adds no points."""
-    cells = {result.question: make_cell(result, unseen) for result in theirs}
-    points = math.fsum(result.points for result in theirs if not is_in(unseen, result))
-    return GradebookRow(
-        learner, name, [cells.get(question.id, EMPTY) for question in quiz.questions], len(theirs), points
-    )
+    """A learner with the results at the questions that a quiz still has; what is `unseen` adds no points."""
+    at = {result.question: result for result in theirs}
+    own = [at.get(question.id) for question in quiz.questions]
+    counted = [result for result in own if result is not None]
+    points = math.fsum(result.points for result in counted if not is_in(unseen, result))
+    cells = [EMPTY if result is None else make_cell(result, unseen) for result in own]
+    return GradebookRow(learner, name, cells, len(counted), points)
 
 
 def make_cell(result: Any, unseen: Collection[LearnerAt]) -> ResultCell:

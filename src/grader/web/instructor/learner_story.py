@@ -58,7 +58,11 @@ def story(
     posed = services.library_for(Identity(learner, "", Role.STUDENT, who.course))
     parts = group_answers(posed, given, cells, averaged)
     following = rows[ANSWERS - 1].id if len(rows) > ANSWERS else None
-    counted = [result for result in counts.values() if not is_in(unseen, result) and (result.is_final or result.points)]
+    asked = {(quiz.id, question.id) for quiz in posed.quizzes.values() for question in quiz.questions}
+    counted = [
+        result for at, result in counts.items()
+        if at in asked and not is_in(unseen, result) and (result.is_final or result.points)
+    ]  # fmt: skip
     total = (sum(result.points for result in counted), sum(result.max_points for result in counted))
     return page(
         request, "learner.html", who=who, learner=learner, name=name, parts=parts, following=following,
@@ -85,6 +89,7 @@ def group_answers(
             "quiz": at[1],
             "question": at[2],
             "title": titles.get((at[1], at[2]), at[2]),
+            "is_lost": at[1:] not in questions,
             "cell": cells.get((at[1], at[2]), EMPTY),
             "answers": [
                 (

@@ -1,0 +1,66 @@
+"""The gradebook and a learner's story say what counts, as the export does."""
+
+import csv
+import io
+import json
+import re
+from pathlib import Path
+
+import httpx
+import pytest
+
+from grader.settings import Settings
+from support.sites import QUIZ, open_site, write_content
+from web.test_instructor_pages import browser, page, words
+
+API = "/api/v1"
+BOOK = "/instructor/gradebook"
+
+
+@pytest.fixture
+def content(tmp_path: Path) -> Path:
+    return write_content(tmp_path / "content")
+
+
+def write_quiz(content: Path, id_: str = "small", **changes: object) -> None:
+    (content / "quizzes" / f"{id_}.json").write_text(json.dumps(QUIZ | {"id": id_} | changes))
+
+
+def answer(client: httpx.Client, question: str, given: object) -> str:
+    """Hands in, and returns the learner's id."""
+    response = client.post(f"{API}/submissions", json={"quiz": "small", "question": question, "answer": given})
+    assert response.status_code == 201, response.text
+    learner: str = response.json()["learner"]
+    return learner
+
+
+def read_ends(client: httpx.Client, address: str) -> list[tuple[str, str, str]]:
+    """Of each row of a gradebook the learner's name, the number of answers, and the points."""
+    rows = re.findall(r'<tr><th scope="row".*?</tr>', page(client, address), re.DOTALL)
+    words = [re.sub(r"<[^>]*>", " ", row).split() for row in rows]
+    return [(row[0], row[-2], row[-1]) for row in words]
+
+
+def test_results_of_a_question_that_the_quiz_has_lost_do_not_count(content: Path, tmp_path: Path) -> None:
+    write_quiz(content, "other")
+    with open_site(Settings(content=content, data=tmp_path / "data", workers=0)) as site:
+        ann, bob, cem = (site.client(name) for name in ("ann", "bob", "cem"))
+        tina = browser(site, "tina", "instructor")
+        ann_id = answer(ann, "q1", 1)
+        answer(ann, "q2", "5 ms")
+        answer(bob, "q1", 0)
+        answer(cem, "q2", "5 ms")
+        first, second, *others = QUIZ["questions"]
+        write_quiz(content, questions=[first, second | {"id": "renamed"}, *others])
+        assert tina.post(f"{API}/content:reload").status_code == 200
+        rows = csv.DictReader(io.StringIO(tina.get(f"{API}/gradebook.csv").text))
+        assert {row["user"]: row["points"] for row in rows} == {"ann": "1", "bob": "0", "cem": "0"}
+        expected = [("ann", "1", "1"), ("bob", "1", "0"), ("cem", "0", "0")]
+        for quiz in ("", "small"):
+            assert read_ends(tina, f"{BOOK}?quiz={quiz}") == expected
+            fewest_first = read_ends(tina, f"{BOOK}?quiz={quiz}&by=answered&show=incomplete")
+            assert fewest_first == [expected[2], *expected[:2]]
+        story = words(page(tina, f"/instructor/learners/{ann_id}"))
+        assert "Points of what is decided 1 / 1" in story
+        assert "Correct 1 / 1 not counted: the quiz has lost this question" in story
+        assert story.count("not counted") == 1
