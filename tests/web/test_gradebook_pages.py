@@ -4,12 +4,14 @@ import csv
 import io
 import json
 import re
+from datetime import timedelta
 from pathlib import Path
 
 import httpx
 import pytest
 
 from grader.settings import Settings
+from grader.store.tables import now
 from support.sites import QUIZ, open_site, write_content
 from web.test_instructor_pages import browser, page, words
 
@@ -64,3 +66,21 @@ def test_results_of_a_question_that_the_quiz_has_lost_do_not_count(content: Path
         assert "Points of what is decided 1 / 1" in story
         assert "Correct 1 / 1 not counted: the quiz has lost this question" in story
         assert story.count("not counted") == 1
+
+
+@pytest.mark.parametrize("counts", ["best", "average"])
+def test_a_late_right_answer_is_correct_with_the_points_that_count(content: Path, tmp_path: Path, counts: str) -> None:
+    """An average over a wrong and a right answer is partly correct."""
+    late = {"until": (now() + timedelta(days=9)).isoformat(), "per_day": 0.8, "floor": 0.8}
+    write_quiz(content, policy={"due": (now() - timedelta(hours=3)).isoformat(), "late": late, "counts": counts})
+    with open_site(Settings(content=content, data=tmp_path / "data", workers=0)) as site:
+        ann, bob, tina = site.client("ann"), site.client("bob"), browser(site, "tina", "instructor")
+        ann_id = answer(ann, "q1", 1)
+        for option in (0, 1):
+            bob_id = answer(bob, "q1", option)
+        rows = page(tina, f"{BOOK}?quiz=small").partition("<tbody>")[2]
+        assert "Correct, 0.8 of 1 0.8 late" in words(rows)
+        story = words(page(tina, f"/instructor/learners/{ann_id}"))
+        assert "Correct 0.8 / 1 late" in story
+        averaged = words(page(tina, f"/instructor/learners/{bob_id}"))
+        assert ("Partly correct 0.4 / 1 late" in averaged) == (counts == "average")

@@ -24,6 +24,7 @@ from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import Session
 from sqlalchemy.sql.functions import FunctionElement
 
+from grader.domain.verdict import Status
 from grader.store.engine.bulk import TableRows, insert_rows
 from grader.store.engine.names import Folded, holds
 from grader.store.reviewing.reviews import select_unseen_places
@@ -252,6 +253,18 @@ def find_of_learners(session: Session, course: str, quiz: str, learners: Sequenc
     for row in session.connection().execute(theirs):
         by_learner[row.learner].append(row)
     return by_learner
+
+
+def find_right_but_late(
+    session: Session, course: str, learners: Sequence[str], averaged: Collection[str]
+) -> set[LearnerAt]:
+    """Where late right answers of some learners count, whose points are fewer than those of the question. An average
+    over several attempts, as in the quizzes `averaged`, is of no one answer."""
+    late = select(*(getattr(Result, name) for name in LearnerAt._fields)).join(Submission)
+    right = (Result.is_late, Submission.outcome == Status.CORRECT.value)
+    of_one = or_(Result.attempt == 1, Result.quiz.not_in(averaged))
+    rows = session.execute(late.where(Result.course == course, Result.learner.in_(learners), *right, of_one))
+    return {LearnerAt(*row) for row in rows}
 
 
 KNOWN = ("account", "namespace", "external_id", "email")

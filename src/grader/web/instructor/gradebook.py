@@ -105,7 +105,8 @@ def gradebook(
     shown = {"find": find, "show": show if show in SHOWS else SHOWS[0]}
     order = {"by": by if by in ORDERS else ORDERS[0], "descending": down}
     with services.database.read() as session:
-        rows = list_rows(session, who, chosen, start, **shown, **order)
+        averaged = services.desk_of(who.course).list_averaged(session, who.course)
+        rows = list_rows(session, who, chosen, start, averaged, **shown, **order)
         absent = people.list_without_results(session, who.course, [entry.id for entry in chosen], find, ABSENT + 1)
         marks = make_marks(session, who.course)
     columns = list_questions(library, chosen[0]) if len(chosen) == 1 else list_quizzes(chosen)
@@ -152,9 +153,9 @@ def sum_points(quiz: Quiz) -> float:
 
 
 def list_rows(
-    session: Session, who: Identity, quizzes: Sequence[Quiz], start: int, **wanted: Any
+    session: Session, who: Identity, quizzes: Sequence[Quiz], start: int, averaged: Collection[str], **wanted: Any
 ) -> list[GradebookRow]:
-    """Returns one learner more than a page has."""
+    """Returns one learner more than a page has. In the quizzes `averaged` all attempts count."""
     without, unseen = results.list_instructors(session, who.course), find_unseen(session, who).results
     reviewer = who.id if unseen else ""
     asked = {quiz.id: {question.id for question in quiz.questions} for quiz in quizzes}
@@ -163,7 +164,8 @@ def list_rows(
     learners = [learner for learner, _ in ranked]
     if len(quizzes) == 1:
         theirs = results.find_of_learners(session, who.course, quizzes[0].id, learners)
-        return [make_row(learner, name, theirs[learner], quizzes[0], unseen) for learner, name in ranked]
+        right = results.find_right_but_late(session, who.course, learners, averaged)
+        return [make_row(learner, name, theirs[learner], quizzes[0], unseen, right=right) for learner, name in ranked]
     sums = results.sums_of_learners(session, ranking, learners)
     hidden = {(at.learner, at.quiz) for at in unseen if at.question in asked.get(at.quiz, ())}
     return [sum_row(learner, name, sums[learner], quizzes, hidden) for learner, name in ranked]
@@ -186,29 +188,34 @@ def sum_row(
     return GradebookRow(learner, name, cells, answered, points)
 
 
-def make_row(learner: str, name: str, theirs: Sequence[Any], quiz: Quiz, unseen: Collection[LearnerAt]) -> GradebookRow:
+def make_row(
+    learner: str, name: str, theirs: Sequence[Any], quiz: Quiz, unseen: Collection[LearnerAt], *,
+    right: Collection[LearnerAt],
+) -> GradebookRow:  # fmt: skip
     """A learner with the results at the questions that a quiz still has; what is `unseen` adds no points."""
     at = {result.question: result for result in theirs}
     own = [at.get(question.id) for question in quiz.questions]
     counted = [result for result in own if result is not None]
     points = math.fsum(result.points for result in counted if not is_in(unseen, result))
-    cells = [EMPTY if result is None else make_cell(result, unseen) for result in own]
+    cells = [EMPTY if result is None else make_cell(result, unseen, right) for result in own]
     return GradebookRow(learner, name, cells, len(counted), points)
 
 
-def make_cell(result: Any, unseen: Collection[LearnerAt]) -> ResultCell:
-    """Returns a result in words: what is not final waits, whatever its points are, and so does what is `unseen`."""
+def make_cell(result: Any, unseen: Collection[LearnerAt], right: Collection[LearnerAt]) -> ResultCell:
+    """Returns a result in words: what is not final waits, whatever its points are, and so does what is `unseen`. What
+    is `right` is correct also where it was late and lost points by that."""
     if is_in(unseen, result) or not (result.is_final or result.points):
         return ResultCell(WAITS)
     if not result.is_final:
         badge = WAITS
-    elif result.points >= result.max_points - POINTS_EQUAL:
+    elif result.points >= result.max_points - POINTS_EQUAL or is_in(right, result):
         badge = STATUSES[Status.CORRECT]
     else:
         badge = STATUSES[Status.PARTIAL] if result.points > 0 else STATUSES[Status.INCORRECT]
     return ResultCell(badge, result.points, result.max_points, result.is_late)
 
 
-def is_in(unseen: Collection[LearnerAt], result: Any) -> bool:
-    """Says whether a result is a first mark that this reviewer must not see yet; there are seldom any."""
-    return bool(unseen) and LearnerAt(result.course, result.learner, result.quiz, result.question) in unseen
+def is_in(places: Collection[LearnerAt], result: Any) -> bool:
+    """Says whether a result is at one of some places, as of first marks that a reviewer must not see yet; there are
+    seldom any."""
+    return bool(places) and LearnerAt(result.course, result.learner, result.quiz, result.question) in places

@@ -49,11 +49,12 @@ def story(
         averaged = desk.list_averaged(session, who.course)
         seen = hide_names(desk, session, who, rows, submissions.read_verdicts(session, rows))
         counts = results.find_everywhere(session, who.course, learner)
+        right = results.find_right_but_late(session, who.course, [learner], averaged)
         unseen = find_unseen(session, who).results
         shown = [(row, read_in_full(row, seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
         marks = make_marks(session, who.course)
     given = [(row.quiz, row.question, None if row.id in seen.names else attempt) for row, attempt in shown]
-    cells = {at: make_cell(result, unseen) for at, result in counts.items()}
+    cells = {at: make_cell(result, unseen, right) for at, result in counts.items()}
     name = member.name if member is not None else rows[0].user
     posed = services.library_for(Identity(learner, "", Role.STUDENT, who.course))
     parts = group_answers(posed, given, cells, averaged)
