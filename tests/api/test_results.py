@@ -259,6 +259,16 @@ def test_extensions_that_make_no_sense_are_refused(teacher: httpx.Client, body: 
     assert teacher.put(f"{API}/quizzes/none/extensions", json={"user": "a"}).status_code == 404
 
 
+def test_late_answers_of_an_extension_do_not_end_before_it_is_due(teacher: httpx.Client, ann: httpx.Client) -> None:
+    assert ann.get(f"{API}/quizzes").status_code == 200
+    dates = {"user": "ann", "due": (NOW + DAY).isoformat()}
+    refused = teacher.put(f"{API}/quizzes/small/extensions", json=dates | {"until": NOW.isoformat()})
+    told = "late: needs a due date, and an until that is later"  # as of the policy of a quiz
+    assert (refused.status_code, refused.json()["detail"]) == (422, told)
+    given = teacher.put(f"{API}/quizzes/small/extensions", json=dates | {"until": dates["due"]})
+    assert given.status_code == 200
+
+
 def test_the_solution_is_shown_once_right_or_spent(ann: httpx.Client) -> None:
     wrong = hand_in(ann, "q1", 0)
     assert wrong.json()["verdict"]["explain"] is None

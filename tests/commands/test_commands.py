@@ -329,6 +329,8 @@ def test_an_extension_is_given_and_taken_back(tmp_path: Path) -> None:
     assert kept() == {"1.3-check": Extension(attempts=1, due=datetime(2026, 10, 26, 17, tzinfo=UTC))}
     refused = extend("--due", "2026-10-26")
     assert (refused.returncode, refused.stderr.startswith("--due: ")) == (2, True)
+    refused = extend("--due", "2026-10-26T18:00Z", "--until", "2026-10-25T18:00Z")
+    assert (refused.returncode, "an until that is later" in refused.stderr) == (2, True)
     assert extend().returncode == 0
     assert kept() == {}
     database.close()

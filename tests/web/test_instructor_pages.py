@@ -317,6 +317,8 @@ def test_an_extension_is_given_refused_and_taken_back(site: Site, tina: httpx.Cl
     for wrong in ({"due": "soon"}, {"attempts": "-1"}, {"attempts": "many"}, {"due": "1999-01-01T00:00"}):
         refused = tina.post(address, data={**form, **wrong})
         assert (refused.status_code, "Check " + next(iter(wrong)) in refused.text) == (422, True)
+    refused = tina.post(address, data={**form, "due": "2101-02-03T04:05", "until": "2101-02-02T04:05"})
+    assert (refused.status_code, "needs a due date, and an until that is later" in refused.text) == (422, True)
     given = {**form, "due": "2101-02-03T04:05", "attempts": "2"}
     assert "ann: due Thu 3 Feb 2101, 04:05 UTC , 2 further attempts" in words(tina.post(address, data=given).text)
     text = words(page(tina, f"{address}?quiz=2-graded"))

@@ -40,6 +40,10 @@ ONE_BY_ONE = "one by one"
 """The context of a validation that checks each value, but not whether the values fit each other."""
 
 
+LATE_UNTIL = "needs a due date, and an until that is later"
+"""Why dates of late answers are refused."""
+
+
 def _after_opens(due: datetime | None, info: ValidationInfo) -> datetime | None:
     opens = info.data.get("opens")
     if info.context != ONE_BY_ONE and due is not None and opens is not None and due <= opens:
@@ -52,7 +56,7 @@ def _after_due(late: Late | None, info: ValidationInfo) -> Late | None:
         return late
     due = info.data["due"]
     if due is None or late.until <= due:
-        raise PydanticCustomError("policy", "needs a due date, and an until that is later")
+        raise PydanticCustomError("policy", LATE_UNTIL)
     return late
 
 

@@ -12,8 +12,9 @@ from grader.courses.people.audit import COMMAND_LINE, Action, record
 from grader.courses.people.identity import Identity
 from grader.courses.rules.policy import NO_EXTENSION, Attempt, count_points, policy_in_force
 from grader.courses.sending import outbox
-from grader.domain.policy import Extension, Policy
+from grader.domain.policy import LATE_UNTIL, Extension, Policy
 from grader.domain.verdict import Status, Verdict
+from grader.errors import Unprocessable
 from grader.library import Library
 from grader.store import extensions, policies, results, submissions
 from grader.store.engine.bulk import TableRows, insert_rows
@@ -190,8 +191,11 @@ def grant(
     by: Identity | None
 ) -> None:  # fmt: skip
     """Gives a learner an extension of a quiz, and counts the learner's results in it again. `by` is None for the
-    command line. Raises NotFound if the course has no such quiz."""
+    command line. Raises NotFound if the course has no such quiz, and Unprocessable if late answers would end before it
+    is due."""
     library.quiz(quiz)
+    if granted.due is not None and granted.until is not None and granted.until < granted.due:
+        raise Unprocessable(f"late: {LATE_UNTIL}")
     database.lock_learner(session, learner.course, learner.id)
     extensions.put(session, (learner.course, quiz, learner.id), granted, COMMAND_LINE if by is None else by.user)
     session.flush()
