@@ -165,6 +165,8 @@ def test_who_may_make_a_course_and_which(either_site: Site) -> None:
     for browser, status in ((mia, 403), (open_browser(either_site, "sam", Role.STUDENT), 403)):
         assert browser.post(PAGE, data={"name": "welders"}).status_code == status
         assert browser.post(f"{API}/courses", json={"name": "welders"}).status_code == status
+    told = mia.post(f"{API}/courses", json={"name": "welders"}).json()["detail"]
+    assert told == "Courses belong to the installation: an instructor of the course `default` makes new ones."
     assert "An instructor of the course <strong>default</strong> makes courses" in mia.get(PAGE).text
     with database_of(either_site).write() as session:
         token = create_token(session, "tina", "instructor", scopes=["people"])

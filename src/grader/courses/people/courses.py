@@ -21,6 +21,8 @@ from grader.store import credentials, people
 from grader.store.engine.database import Database
 from grader.store.tables import Credential, Member, now
 
+MAKER = "Courses belong to the installation: an instructor of the course `default` makes new ones."
+
 ELSEWHERE = "another course"
 """How somebody signed in who entered a course from another one, in the audit log."""
 
@@ -60,7 +62,7 @@ def get_home(session: Session, who: Identity) -> Member:
 def make_course(database: Database, session: Session, by: Identity, name: str) -> Member:
     """Makes a course, whose instructor the caller becomes, and returns who they are in it. Raises Forbidden unless they
     administer the installation; Unprocessable, Unauthorized, and Conflict if somebody has the course already."""
-    require_administrator(by)
+    require_administrator(by, MAKER)
     members.require_credential(session, by)
     course = check_name("course", name.strip())
     database.lock(session, NEW_COURSES)

@@ -55,11 +55,12 @@ class Person:
     email: str | None = None
 
 
-def require_administrator(by: Identity) -> None:
-    """Raises Forbidden unless this is an instructor of the course `default`, who administer the installation."""
+def require_administrator(by: Identity, why: str = ADMINISTRATOR) -> None:
+    """Raises Forbidden, which says `why`, unless this is an instructor of the course `default`, who administer the
+    installation."""
     by.require(Role.INSTRUCTOR)
     if by.course != DEFAULT_COURSE:
-        raise Forbidden(ADMINISTRATOR)
+        raise Forbidden(why)
 
 
 def add(session: Session, by: Identity | None, given: Registration, deployment_id: str | None = None) -> PlatformRow:
