@@ -33,9 +33,11 @@ learners = st.builds(
 )
 
 
-def lines(rows: Sequence[LearnerRow], form: Form = Form.GENERIC) -> list[list[str]]:
+def lines(
+    rows: Sequence[LearnerRow], form: Form = Form.GENERIC, columns: Sequence[Column] = COLUMNS
+) -> list[list[str]]:
     """The cells, read by the csv module."""
-    return list(csv.reader(list(gradebook_csv(rows, COLUMNS, form)), strict=True))
+    return list(csv.reader(list(gradebook_csv(rows, columns, form)), strict=True))
 
 
 def test_the_generic_form() -> None:
@@ -61,8 +63,17 @@ def test_canvas_gets_its_header_order_and_its_assignments() -> None:
         ["Student", "ID", "SIS User ID", "SIS Login ID", "Section", "Knowledge check, 1 (4711)", 'The "RK4" step'],
         ["    Points Possible", "", "", "", "", "1", "3"],
         ["Ada Löwe", "17", "s17", "ada", "A", "1", "2.25"],
-        ["bob", "", "", "bob", "", "", "0.333333333"],
+        ["bob", "", "", "bob", "", "", "0.333333"],
     ]
+
+
+def test_the_sum_of_a_quiz_is_rounded_once_for_an_lms_and_full_points_stay_full() -> None:
+    row = LearnerRow("cem", "cem", points={("a", ""): 4 / 3 + 2 / 3, ("b", ""): 4 / 3})
+    columns = [Column("a", "", "A", 2.0), Column("b", "", "B", 4 / 3)]
+    _, most, got = lines([row], Form.CANVAS, columns)
+    assert most[-2:] == got[-2:] == ["2", "1.333333"]
+    assert lines([row], Form.MOODLE, columns)[-1][-2:] == ["2", "1.333333"]
+    assert lines([row], columns=columns)[-1][-4:-1] == ["2", "1.333333333", "3.333333333"]
 
 
 def test_moodle_gets_columns_to_map_by_hand() -> None:
@@ -188,7 +199,7 @@ def test_canvas_finds_assignments_and_students_and_makes_the_rest_with_points(bo
     for _ in range(2):  # a second upload finds by title what the first one has made
         uploaded(canvas, [ADA, BOB], bom=bom)
     assert canvas.assignments == {4711: ("Knowledge check, 1", 1.0), -2: ('The "RK4" step', 3.0)}
-    assert canvas.grades == {(17, 4711): 1.0, (17, -2): 2.25, (18, -2): 0.333333333}
+    assert canvas.grades == {(17, 4711): 1.0, (17, -2): 2.25, (18, -2): 0.333333}
     assert canvas.unknown == []
 
 
@@ -253,7 +264,7 @@ def moodle(text: str, mapped_by: str, users: dict[str, int], mapping: dict[str, 
 def test_moodle_reads_the_points_with_columns_mapped_by_hand(mapped_by: str, users: dict[str, int]) -> None:
     text = "".join(gradebook_csv([ADA, BOB], COLUMNS, Form.MOODLE, bom=True))
     mapping = {"Knowledge check, 1": 1, 'The "RK4" step': 2}
-    assert moodle(text, mapped_by, users, mapping) == {(3, 1): 1.0, (3, 2): 2.25, (4, 2): 0.333333333}
+    assert moodle(text, mapped_by, users, mapping) == {(3, 1): 1.0, (3, 2): 2.25, (4, 2): 0.333333}
 
 
 def test_only_the_first_line_has_the_mark_of_utf8() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
+from itertools import repeat
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -81,6 +82,9 @@ LEARNER: Mapping[Form, Mapping[str, Callable[[LearnerRow], str]]] = {
 }
 """The columns before the questions, in the order that the form needs."""
 
+DIGITS = {Form.GENERIC: POINT_DIGITS, Form.CANVAS: 6, Form.MOODLE: 6}
+"""The decimals of points: Moodle keeps five, Canvas shows two."""
+
 POINTS_ROW = "Points Possible"
 """Canvas takes every row for the points of the assignments whose first cell holds this."""
 
@@ -111,7 +115,7 @@ def heading_cells(columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
     yield [*cells, *list_headings(columns, form), *sums]
     if form is Form.CANVAS:
         blank = [""] * (len(cells) - 1)
-        yield [f"    {POINTS_ROW}", *blank, *(number(column.max_points) for column in columns)]
+        yield [f"    {POINTS_ROW}", *blank, *(number(column.max_points, DIGITS[form]) for column in columns)]
 
 
 def build_cells(rows: Iterable[LearnerRow], columns: Sequence[Column], form: Form) -> Iterator[list[str]]:
@@ -121,7 +125,7 @@ def build_cells(rows: Iterable[LearnerRow], columns: Sequence[Column], form: For
     for row in rows:
         points = list(map(row.points.get, keys))
         total = [number(math.fsum(filter(None, points))), full] if form is Form.GENERIC else []
-        yield [*(guard(cell(row)) for cell in learner), *map(number, points), *total]
+        yield [*(guard(cell(row)) for cell in learner), *map(number, points, repeat(DIGITS[form])), *total]
 
 
 def no_points_row(name: str) -> str:
@@ -157,9 +161,9 @@ def canvas_heading(title: str, column: Column) -> str:
 
 
 @lru_cache(maxsize=4096)
-def number(value: float | None) -> str:
-    """Points to 9 digits without an exponent, which Canvas does not read, or trailing zeros; empty for None."""
+def number(value: float | None, digits: int = POINT_DIGITS) -> str:
+    """Points to some decimals without an exponent, which Canvas does not read, or trailing zeros; empty for None."""
     if value is None:
         return ""
-    text = f"{value:.{POINT_DIGITS}f}".rstrip("0").rstrip(".")
+    text = f"{value:.{digits}f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
