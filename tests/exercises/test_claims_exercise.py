@@ -2,10 +2,13 @@
 measure them against, by closed forms."""
 
 import json
-from collections import Counter
+from collections import Counter, UserDict, namedtuple
 from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
 from math import exp, pi, sqrt
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import mujoco
@@ -17,7 +20,7 @@ from hypothesis import strategies as st
 from grader.domain.quantities import QuantityName, Window
 from grader.domain.verdict import Verdict
 from grader.exercises import JudgedTrial, check_exercise, load_kinds, plan_exercise
-from grader.exercises.kinds.claims.driver import to_numbers
+from grader.exercises.kinds.claims.driver import name_values, separate, to_numbers
 from grader.exercises.kinds.claims.mistakes import name_the_mistake
 from grader.exercises.kinds.claims.naming import name_reading
 from grader.exercises.rehearsing import certify_exercise
@@ -376,3 +379,35 @@ def test_a_claim_about_more_than_its_run_is_a_fault() -> None:
     assert certify_exercise(pose(claims=[{**claim, "until": 6}]), lambda _: "", "q.json") == []
     (fault,) = certify_exercise(pose(claims=[{**claim, "until": 7}]), lambda _: "", "q.json")
     assert (fault.key, "ends after 6 s" in fault.why) == ("spring.check.claims.0.until", True)
+
+
+@dataclass
+class Pair:
+    b: Any
+    a: Any
+
+
+Named = namedtuple("Named", "b a")
+
+
+@pytest.mark.parametrize(
+    "returned",
+    [
+        {"a": 1, "b": 2},
+        MappingProxyType({"b": 2, "a": 1}),
+        UserDict(a=1, b=2),
+        Pair(a=1, b=2),
+        Named(a=1, b=2),
+        (1, 2),
+        [Fraction(1), np.float32(2)],
+    ],
+    ids=lambda returned: type(returned).__name__,
+)
+def test_values_are_read_by_name_from_whatever_has_names(returned: Any) -> None:
+    separated = separate(name_values(returned), ["a", "b"])
+    assert [to_numbers(value) for value in separated] == [1, 2]
+
+
+@pytest.mark.parametrize("value", [True, [True, Fraction(1)], "1", [1j], [object()], None, [Fraction(10) ** 400]])
+def test_what_is_no_number_is_read_as_none(value: Any) -> None:
+    assert to_numbers(value) is None

@@ -121,6 +121,9 @@ def test_a_model_reads_no_file(pipeline: Pipeline) -> None:
         verdict = grade(pipeline, REFERENCE.replace("<worldbody>", f"{text}<worldbody>"))
         assert verdict.status is Status.INCORRECT
         assert "reads no file" in (verdict.diagnosis or "")
+        assert "a comment" not in (verdict.diagnosis or "")
+    verdict = grade(pipeline, REFERENCE.replace("<worldbody>", "<!-- file = arm.xml --><worldbody>"))
+    assert "Here a comment has such words" in (verdict.diagnosis or "")
 
 
 SPY = """

@@ -63,7 +63,10 @@ SHARES = (
     "The controls are far too small, and would be right as shares of what the actuator gives: return them in its unit, "
     "times its largest control."
 )
-NOTHING = "The controls never change: the function does not use what it observes."
+NOTHING = (
+    "The controls never change: the function does not use what it observes, or limits what it returns so narrowly that "
+    "nothing of it is left."
+)
 RETURNS = (
     "The function writes data.ctrl and returns a value, too: what it returns counts, and that never changes. Return "
     "nothing, or the control itself."

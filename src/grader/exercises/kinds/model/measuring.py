@@ -54,7 +54,8 @@ def describe(text: str, inputs: Mapping[str, Any], *, halved: bool = True) -> di
     elements, the bodies `of_water`, and the `geoms` where the case begins. With `halved` runs are made with half the
     timestep as well."""
     if READS_FILES.search(text):
-        return {"error": NO_FILES if READS_FILES.search(COMMENT.sub("", text)) else f"{NO_FILES} {IN_COMMENT}"}
+        is_comment = text.count("<!") == text.count("<!--") and not READS_FILES.search(COMMENT.sub("", text))
+        return {"error": f"{NO_FILES} {IN_COMMENT}" if is_comment else NO_FILES}
     try:
         model = mujoco.MjModel.from_xml_string(text)
     except (ValueError, mujoco.FatalError) as error:
