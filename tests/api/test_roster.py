@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from grader.commands.main import cli
 from grader.courses.people.tokens import create_token
-from grader.errors import FaultyRows
+from grader.errors import Conflict, FaultyRows
 from support.sites import Site
 
 API = "/api/v1"
@@ -60,6 +60,22 @@ def test_a_roster_makes_members_and_the_same_again_changes_nothing(tina: httpx.C
     actions = [(item["action"], item["detail"]) for item in tina.get(f"{API}/audit").json()["items"]]
     assert ("roster imported", {**COUNTS, "changed": 1, "unchanged": 3}) in actions
     assert "ada@school.example" not in str(actions)
+
+
+def test_a_name_of_the_roster_makes_nobody_a_second_time(tina: httpx.Client) -> None:
+    """A link or a token for such a name would be somebody else's, and the marks too."""
+    send(tina, "name,external_id\nHana,7\n", namespace="canvas")
+    hana = members(tina)["Hana"]["id"]
+    for path, body in (("tokens", {"user": "Hana", "role": "student"}), ("invitations", {"names": ["Hana"]})):
+        refused = tina.post(f"{API}/{path}", json=body)
+        assert refused.status_code == 409
+        assert f"give an id in its place, one of {hana}" in refused.text
+    assert tina.post(f"{API}/invitations", json={"names": [hana, "Ivo"]}).json()["items"][0]["name"] == "Hana"
+    assert tina.post(f"{API}/invitations", json={"member": hana}).status_code == 201
+    token = tina.post(f"{API}/tokens", json={"user": hana, "role": "student"}).json()["token"]
+    assert tina.get(f"{API}/me", headers={"Authorization": f"Bearer {token}"}).json()["user"] == "Hana"
+    assert set(members(tina)) == {"tina", "Hana", "Ivo"}
+    assert tina.post(f"{API}/tokens", json={"user": "tina", "role": "instructor"}).status_code == 201
 
 
 def test_a_faulty_roster_changes_nothing_and_names_each_cell(tina: httpx.Client) -> None:
@@ -182,6 +198,9 @@ def test_the_command_line_imports_and_exports(tmp_path: Path) -> None:
     with zipfile.ZipFile(packed) as files:
         files.extractall(tmp_path / "folder")
     assert json.loads(run("import", str(tmp_path / "folder"), "--namespace", "school", "--json"))["unchanged"] == 4
+    words = ["token", "create", "--user", "Bob", "--role", "student", "--data", str(tmp_path / "data")]
+    with pytest.raises(Conflict, match="1 member has the name 'Bob' already"):
+        CliRunner().invoke(cli, words, catch_exceptions=False)
     file.write_text(ROSTER + "Eve,,king,\n")
     with pytest.raises(FaultyRows, match="line 6, role"):
         CliRunner().invoke(

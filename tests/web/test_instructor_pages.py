@@ -408,6 +408,16 @@ def test_content_tells_digests_and_keys_that_no_simulation_confirms(tina: httpx.
     assert "How long? small q2 not derivable by simulation No simulation confirms this key" in keys
 
 
+def test_people_refuses_a_name_that_only_the_roster_has(tina: httpx.Client) -> None:
+    csv_type = {"Content-Type": "text/csv"}
+    tina.post(f"{API}/roster:import?namespace=canvas", content="name,external_id\nHana,7\n", headers=csv_type)
+    for path, form in (("tokens", {"user": "Hana", "role": "student"}), ("invitations", {"names": "Hana"})):
+        refused = tina.post(f"/instructor/people/{path}", data={**form, "role": "student"})
+        assert refused.status_code == 422
+        assert "give an id in its place" in words(refused.text)
+    assert [item["name"] for item in tina.get(f"{API}/members").json()["items"]].count("Hana") == 1
+
+
 def test_content_that_was_refused_is_told_until_it_is_mended(site: Site, tina: httpx.Client) -> None:
     path = site.settings.content / "quizzes" / "2-graded.json"
     number = {

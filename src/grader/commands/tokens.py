@@ -27,12 +27,12 @@ def create(
 ) -> None:
     """Print a new bearer token, and nothing else, on stdout; stderr says if the user is new in the course."""
     from grader.courses.people.identity import DEFAULT_COURSE
-    from grader.courses.people.members import is_known
+    from grader.courses.people.members import find_meant
     from grader.courses.people.tokens import create_token
 
     lifetime = None if expires is None else parse_lifetime(expires)
     with begin_transaction(data) as session:
-        is_new = not is_known(session, user, course or DEFAULT_COURSE)
+        is_new = find_meant(session, user, course or DEFAULT_COURSE) is None
         text = create_token(session, user, role, course, scopes=scope or None, lifetime=lifetime)
     if is_new:
         say(f"{user} is a new {role} of the course {course or DEFAULT_COURSE}.")

@@ -46,7 +46,7 @@ class MemberBody(RequestBody):
 
 
 class InvitationBody(RequestBody):
-    """Whom to invite: new or old members by their names, or one member by id."""
+    """Whom to invite: new or old members by their names or ids, or one member by id."""
 
     names: list[str] = Field(default_factory=list, max_length=invitations.NAMES_AT_ONCE)
     role: Role = Role.STUDENT
@@ -54,7 +54,8 @@ class InvitationBody(RequestBody):
 
 
 class TokenBody(RequestBody):
-    """A token to create. Without `scopes` it may do what the role may; without `days` it does not expire."""
+    """A token to create. `user` is a name, or the id of a member. Without `scopes` it may do what the role may; without
+    `days` it does not expire."""
 
     user: str
     role: Role
@@ -113,7 +114,8 @@ def create_invitations(
 ) -> dict[str, Any]:
     """Makes a single-use link for each name, or for one member. The links are shown this once.
 
-    409 for a name that is a member with another role: an invitation changes none. A restricted token invites students.
+    409 for a name that is a member with another role: an invitation changes none. 409 too for one that only members
+    from a roster, a platform or another sign-in have: give the id in its place. A restricted token invites students.
     """
     if bool(body.names) == (body.member is not None):
         raise Unprocessable("Give either `names` or `member`.")
@@ -148,7 +150,8 @@ def list_tokens(who: Instructor, services: AppServices, cut: Cut) -> dict[str, A
 def create_token(body: TokenBody, who: Instructor, services: AppServices) -> dict[str, Any]:
     """Creates a token. It is shown this once.
 
-    409 for a name that is a member with another role. A restricted token creates tokens of students, within its own
+    409 for a name that is a member with another role, or that only members from a roster, a platform or another sign-in
+    have: give the id in its place. A restricted token creates tokens of students, within its own
     scopes and its own time.
     """
     lifetime = None if body.days is None else timedelta(days=body.days)

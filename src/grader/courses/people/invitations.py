@@ -40,14 +40,15 @@ def invite(
     session: Session, by: Identity | None, course: str | None, names: Sequence[str], role: Role | str = Role.STUDENT
 ) -> list[Invitation]:
     """Makes each name a member with this role, and a link that opens one browser session. A name that is a member
-    already gets a new link; its earlier links end. Raises Unprocessable, Forbidden, Unauthorized, and Conflict where
-    one has another role already, which an invitation never changes."""
+    already gets a new link; its earlier links end. An id stands for its member. Raises Unprocessable, Forbidden,
+    Unauthorized, and Conflict where one has another role already, which an invitation never changes, or came in by
+    another way."""
     checked = members.check_person_role(role)
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         some = ", ".join(twice[:TOLD]) + (" and others" if len(twice) > TOLD else "")
         raise Unprocessable(f"Given twice: {some}. Two people of one name need different names here.")
     members.require_reach(by, checked)
-    invited = [members.get_named(session, name, checked, course, by=by) for name in names]
+    invited = [members.get_meant(session, name, checked, course, by=by) for name in names]
     if others := [member for member in invited if member.role != checked]:
         raise Conflict(members.other_roles(others[:TOLD]))
     return [invite_member(session, by, member) for member in invited]

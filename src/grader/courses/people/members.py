@@ -81,10 +81,35 @@ def other_roles(some: Sequence[Member]) -> str:
     )
 
 
-def is_known(session: Session, name: str, course: str) -> bool:
-    """Whether an instructor or operator has made a member of this name, who is still there. Raises Unprocessable."""
+def get_meant(
+    session: Session, name: str, role: Role, course: str | None = None, *, by: Identity | None = None
+) -> Member:
+    """Returns the member whom a typed name or id means; made now, with the role, where the name is new. Raises
+    Unprocessable, Conflict as `find_meant`, and Forbidden where `by` may not act on them."""
+    member = find_meant(session, name, DEFAULT_COURSE if course is None else course)
+    if member is None:
+        return get_named(session, name, role, course, by=by)
+    require_reach(by, member.role)
+    return member
+
+
+def find_meant(session: Session, name: str, course: str) -> Member | None:
+    """Returns the member whom an instructor or operator made under this name, or whose id it is; None where the name is
+    new, or only learners bear it who chose it themselves. Raises Unprocessable, and Conflict where members bear it who
+    came in by another way: the caller most likely means one of them, and would make them a second time."""
     member = people.find_with_account(session, course, f"name:{check_name('user', name)}")
-    return member is not None and member.removed_at is None
+    if member is not None and member.removed_at is None:
+        return member
+    if member := people.get(session, name, course):
+        return member
+    if bearers := [bearer for bearer in people.list_bearers(session, course, name) if bearer.account is not None]:
+        have = "1 member has" if len(bearers) == 1 else f"{len(bearers)} members have"
+        ids = ", ".join(bearer.id for bearer in bearers)
+        raise Conflict(
+            f"{have} the name {name!r} already, from a roster, a platform or another sign-in: give an id in its place, "
+            f"one of {ids}. For another person, write another name."
+        )
+    return None
 
 
 def get_with_account(session: Session, account: str, name: str, role: Role, course: str) -> Member:

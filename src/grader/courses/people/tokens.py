@@ -17,7 +17,7 @@ from grader.courses.people.identity import (
     check_scopes,
     issue,
 )
-from grader.courses.people.members import get_named, other_roles, require_credential, require_reach
+from grader.courses.people.members import get_meant, other_roles, require_credential, require_reach
 from grader.errors import Conflict, Forbidden, NotFound
 from grader.store import credentials, people
 from grader.store.tables import Credential, now
@@ -30,21 +30,21 @@ def create_token(
     session: Session, user: str, role: Role | str, course: str | None = None, *,
     scopes: Iterable[str] | None = None, lifetime: timedelta | None = None, by: Identity | None = None,
 ) -> str:  # fmt: skip
-    """Creates a bearer token for a named member. Raises Unprocessable, Forbidden, Unauthorized, Conflict. Without
-    `scopes` it may do what the role may; without `lifetime` it is valid until it is revoked. A restricted token creates
-    tokens of students alone, within its own scopes and its own time."""
+    """Creates a bearer token for a member, by name or id. Raises Unprocessable, Forbidden, Unauthorized, Conflict.
+    Without `scopes` it may do what the role may; without `lifetime` it is valid until it is revoked. A restricted token
+    creates tokens of students alone, within its own scopes and its own time."""
     checked, wanted = check_role(role), None if scopes is None else check_scopes(scopes)
     if by is not None and by.scopes is not None:
         require_within(session, by, by.scopes, wanted, lifetime)
     require_credential(session, by)
     require_reach(by, checked)
-    member = get_named(session, user, checked, course, by=by)
+    member = get_meant(session, user, checked, course, by=by)
     if member.role != checked:
         raise Conflict(other_roles([member]))
     session.flush()
     text = issue(session, CredentialKind.TOKEN, member, lifetime, scopes=wanted, by=by)
     shown = None if wanted is None else sorted(wanted)
-    record(session, by, member.course, Action.TOKEN_CREATED, user, role=checked.value, scopes=shown)
+    record(session, by, member.course, Action.TOKEN_CREATED, member.name, role=checked.value, scopes=shown)
     return text
 
 

@@ -259,7 +259,7 @@ def create_token(request: Request, services: AppServices, who: Instructor, form:
     user = form.get("user", "").strip()
     try:
         with services.database.read() as session:
-            is_known = rules.is_known(session, user, who.course)
+            is_known = rules.find_meant(session, user, who.course) is not None
             bear_it = people.count_bearers(session, who.course, user)
         if not is_known and form.get("new") != user:
             return render(request, services, who, "tokens", typed=form, unknown=user, bear_it=bear_it)
