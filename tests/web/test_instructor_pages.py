@@ -530,6 +530,32 @@ def test_a_draft_is_for_instructors(site: Site) -> None:
     assert browser(site, "ann").get(f"{DRAFT}/2-graded/which").status_code == 403
 
 
+def test_the_draft_says_that_marks_follow_a_changed_rubric_at_once(site: Site, tina: httpx.Client) -> None:
+    path = site.settings.content / "quizzes" / "2-graded.json"
+    which, why = GRADED["questions"]
+
+    def write(force: int, **more: int) -> None:
+        rubric = [{"id": "force", "title": "Names it", "points": force}, {"id": "rest", "title": "Rest", "points": 4}]
+        path.write_text(json.dumps({**GRADED, "questions": [which, {**why, "rubric": rubric, **more}]}))
+
+    write(1)
+    assert tina.post(f"{API}/content:reload").status_code == 200
+    ann, *_ = (answer(site.client(name), "2-graded", "why", "Because.")["id"] for name in ("ann", "bob", "cem"))
+    write(2)
+    text = words(page(tina, DRAFT))
+    assert "No verdict can differ." in text
+    etag = tina.get(f"{API}/submissions/{ann}/review").headers["etag"]
+    marked = tina.put(f"{API}/submissions/{ann}/review", json={"rubric": ["force"]}, headers={"If-Match": etag})
+    assert marked.status_code == 200, marked.text
+    text = words(page(tina, DRAFT))
+    assert "3 learners have answered: publishing computes the marks by the rubric again, those of 1 of them, at" in text
+    assert "until you regrade" not in text and "leads to the regrade" not in text
+    write(2, points=3)
+    assert "at once; other verdicts stay until you regrade them." in words(page(tina, DRAFT))
+    path.write_text(json.dumps(GRADED))
+    assert tina.post(f"{API}/content:reload").status_code == 200
+
+
 def revision_in(text: str) -> str:
     match = re.search(r'name="revision" value="(\w{64})"', text)
     assert match

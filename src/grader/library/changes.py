@@ -16,6 +16,8 @@ ORDER = "order of the questions"
 
 SILENT = frozenset({"q", "title", "label", "explain", "whys", "reference", "sim", "starter"})
 """Keys of a question whose change alters no verdict: texts, and what is shown beside them."""
+OF_PERSONS = frozenset({"rubric"})
+"""Keys whose change alters only what persons have decided, which no regrade touches."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,11 @@ class Change:
     def is_silent(self) -> bool:
         """Whether no verdict can differ."""
         return self.how == CHANGED and SILENT.issuperset(self.keys)
+
+    @property
+    def is_for_regrade(self) -> bool:
+        """Whether verdicts of the grader on a question can differ."""
+        return self.how == CHANGED and self.is_question and bool(self.part) and bool({*self.keys} - SILENT - OF_PERSONS)
 
 
 def list_changes(before: Library, after: Library) -> list[Change]:

@@ -6,12 +6,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 import structlog
+from sqlalchemy.orm import Session
 
 from grader.courses.people.identity import Identity
 from grader.courses.reviewing.desk import Desk
 from grader.courses.reviewing.reviews import follow_rubric
 from grader.courses.rules.rubric import compute_fingerprint, get_rubric
 from grader.errors import NotFound
+from grader.questions import Question
 from grader.store.engine.database import Database
 from grader.store.reviewing import reviews
 
@@ -29,6 +31,13 @@ def list_outdated(desk: Desk, quiz: str, question: str, course: str) -> list[str
         return []
     with desk.database.read() as session:
         return reviews.list_of_other_rubric(session, quiz, question, compute_fingerprint(asked), course)
+
+
+def count_followers(session: Session, quiz: str, question: Question, course: str) -> int:
+    """Returns how many learners of a course have marks that will be computed again once a question has this rubric."""
+    if not get_rubric(question):
+        return 0
+    return reviews.count_of_other_rubric(session, quiz, question.id, compute_fingerprint(question), course)
 
 
 def recompute(desk: Desk, submission_id: str, who: Identity | None = None) -> bool:

@@ -198,6 +198,13 @@ def list_of_other_rubric(session: Session, quiz: str, question: str, fingerprint
     return list(session.scalars(select(Review.submission_id).where(*here).order_by(Review.submission_id)))
 
 
+def count_of_other_rubric(session: Session, quiz: str, question: str, fingerprint: str, course: str) -> int:
+    """How many learners have such submissions."""
+    ids = list_of_other_rubric(session, quiz, question, fingerprint, course)
+    learners = select(func.count(Submission.learner.distinct())).where(Submission.id.in_(ids))
+    return session.scalar(learners) or 0
+
+
 def _queued(queue: Queue, clock: datetime) -> Select[Any]:
     """The queue, oldest first, joined to the claims that hold."""
     holds = (ReviewClaim.submission_id == Submission.id) & (ReviewClaim.expires_at > clock)

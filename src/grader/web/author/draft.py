@@ -8,12 +8,13 @@ from fastapi.responses import RedirectResponse, Response
 
 from grader.certify.keys import propose_for_question
 from grader.courses.answering.policies import read_policies
+from grader.courses.reviewing.rubric_changes import count_followers
 from grader.errors import ContentError, NotFound, Outdated
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
 from grader.grading.content import Draft, revise
 from grader.library import Library
-from grader.library.changes import ADDED, REMOVED, Change, list_changes
+from grader.library.changes import ADDED, CHANGED, REMOVED, Change, list_changes
 from grader.library.edits import join_path
 from grader.questions import kind_of
 from grader.store import results
@@ -82,7 +83,8 @@ def render(request: Request, services: AppServices, who: Instructor, trouble: st
     draft, now = content.read_draft(), content.library
     changes = list_changes(now, draft.library) if draft.library is not None else []
     answered = count_answered(services, who.course, changes)
-    rows = [describe_change(change, now, draft, answered) for change in changes]
+    marked = {} if draft.library is None else count_marked(services, who.course, draft.library, changes)
+    rows = [describe_change(change, now, draft, answered, marked) for change in changes]
     remarks = (
         [warning for warning in draft.library.warnings if warning not in now.warnings]
         if draft.library is not None
@@ -105,7 +107,24 @@ def count_answered(services: AppServices, course: str, changes: list[Change]) ->
         }
 
 
-def describe_change(change: Change, now: Library, draft: Draft, answered: dict[tuple[str, str], int]) -> dict[str, Any]:
+def count_marked(
+    services: AppServices, course: str, library: Library, changes: list[Change]
+) -> dict[tuple[str, str], int]:
+    """Returns how many learners have marks that publishing computes again, by quiz and changed question."""
+    with services.database.read() as session:
+        return {
+            (change.quiz, change.part): count_followers(
+                session, change.quiz, library.question(change.quiz, change.part), course
+            )
+            for change in changes
+            if change.how == CHANGED and change.is_question and change.part
+        }
+
+
+def describe_change(
+    change: Change, now: Library, draft: Draft, answered: dict[tuple[str, str], int],
+    marked: dict[tuple[str, str], int],
+) -> dict[str, Any]:  # fmt: skip
     """Returns a change as cells of the table: what it is of, what happens, what that means."""
     assert draft.library is not None
     if change.lesson:
@@ -122,16 +141,17 @@ def describe_change(change: Change, now: Library, draft: Draft, answered: dict[t
     return {
         "quiz": change.quiz, "part": change.part, "how": change.how, "title": title,
         "edits": [edit._replace(path=join_path(change.part, edit.path)) for edit in change.edits],
-        "regrade": bool(learners and change.part and change.how not in (ADDED, REMOVED) and not change.is_silent),
-        "meaning": describe_meaning(change, learners),
+        "regrade": bool(learners and change.is_for_regrade),
+        "meaning": describe_meaning(change, learners, marked.get((change.quiz, change.part), 0)),
         "address": f"{PAGE}/{change.quiz}/{change.part}"
         if change.part and change.is_question and change.how != REMOVED
         else None,
     }  # fmt: skip
 
 
-def describe_meaning(change: Change, learners: int) -> str:
-    """Returns a sentence on what a change means for learners who have answered."""
+def describe_meaning(change: Change, learners: int, marked: int = 0) -> str:
+    """Returns a sentence on what a change means for learners who have answered, of whom so many were `marked` by the
+    rubric that changes."""
     have = "1 learner has answered" if learners == 1 else f"{learners} learners have answered"
     if change.how == ADDED:
         return "Learners see it once it is published."
@@ -139,6 +159,9 @@ def describe_meaning(change: Change, learners: int) -> str:
         return "Nobody has answered it yet."
     if change.how == REMOVED and learners:
         return f"{have}: it leaves their pages and the gradebook."
-    if change.is_question and change.part and not change.is_silent:
+    if marked:
+        again = f"publishing computes the marks by the rubric again, those of {marked} of them, at once"
+        return f"{have}: {again}{'; other verdicts stay until you regrade them' if change.is_for_regrade else ''}."
+    if change.is_for_regrade:
         return f"{have}: their verdicts stay until you regrade them."
     return "No verdict can differ."
