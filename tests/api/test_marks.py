@@ -292,10 +292,23 @@ def test_a_second_reviewer_marks_blind_and_a_third_decision_settles(site: Site) 
     assert (disagreement["first"], disagreement["second"]["points"]) == ({"by": "tina", "points": 3}, 1)
     assert (disagreement["second"]["comment"], disagreement["user"] == "ann") == ("SECOND", False)
     assert points_of(ann, made) == (3, 2)  # the first mark counts meanwhile
+    for own in (tina, tom):
+        refused = decide(own, made, points=4)
+        assert (refused.status_code, "a third reviewer decides" in refused.text) == (409, True)
+        assert claim(own, submission_id=made).status_code == 409
     assert decide(tess, made, points=2).status_code == 200
     assert listed(tess, "/reviews/disagreements") == []
     assert points_of(ann, made) == (2, 3)
     assert "marked a second time" in audited(tina)
+
+
+def test_two_reviewers_alone_decide_between_their_marks(site: Site) -> None:
+    made = hand_in(site.client("ann"), "twice")["id"]
+    tina, tom = site.client("tina", "instructor"), site.client("tom", "instructor")
+    decide(tina, made, rubric=["damping"])
+    assert decide(tom, made, "review/second", points=1).json()["agrees"] is False
+    assert decide(tom, made, points=2).status_code == 200
+    assert points_of(site.client("ann"), made) == (2, 3)
 
 
 def test_marks_within_the_tolerance_agree(site: Site) -> None:

@@ -408,6 +408,18 @@ def test_content_tells_digests_and_keys_that_no_simulation_confirms(tina: httpx.
     assert "How long? small q2 not derivable by simulation No simulation confirms this key" in keys
 
 
+def test_a_third_reviewer_alone_is_offered_to_decide_between_two_marks(site: Site, tina: httpx.Client) -> None:
+    sent = answer(site.client("ann"), "2-graded", "why", "Because.")["id"]
+    tom, tess = (browser(site, name, "instructor") for name in ("tom", "tess"))
+    decide(tina, sent, "review", 1)
+    decide(tom, sent, "review/second", 3)
+    for client, deciding in ((tina, False), (tom, False), (tess, True)):
+        desk = page(client, f"/instructor/review/{sent}?which=disagreements")
+        assert ("Decide and next" in desk, "a third reviewer decides" in desk) == (deciding, not deciding)
+        assert ("has two marks that differ" in page(client, "/instructor")) == deciding
+        assert (f"/instructor/review/{sent}" in page(client, "/instructor/review?which=disagreements")) == deciding
+
+
 def test_people_refuses_a_name_that_only_the_roster_has(tina: httpx.Client) -> None:
     csv_type = {"Content-Type": "text/csv"}
     tina.post(f"{API}/roster:import?namespace=canvas", content="name,external_id\nHana,7\n", headers=csv_type)

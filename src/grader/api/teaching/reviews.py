@@ -137,7 +137,8 @@ def list_disagreements(
 ) -> dict[str, Any]:
     """Lists the submissions whose two marks differ by more than the tolerance, oldest first.
 
-    `PUT /submissions/{id}/review` decides one. Until then the first mark counts.
+    `PUT /submissions/{id}/review` decides one, by who gave neither mark, or by anybody where the course has no other
+    instructor. Until then the first mark counts.
     """
     wanted = SubmissionFilter(who.course, None, query.quiz, query.question)
     with services.database.read() as session:
@@ -220,7 +221,7 @@ def put_review(
     *,
     if_match: IfMatch = None,
 ) -> dict[str, Any]:
-    """Adds the reviewer's verdict: its points count, and the learner sees the comment. Decides a disagreement."""
+    """Adds the reviewer's verdict: its points count, and the learner sees the comment. Decides others' disagreement."""
     desk = services.desk_of(who.course)
     with services.database.write() as session:
         submission = find_visible(session, submission_id, who)

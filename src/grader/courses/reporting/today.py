@@ -40,7 +40,7 @@ def read_today(desk: Desk, session: Session, who: Identity) -> Today:
     return Today(
         stored.count_waiting(session, reviews.list_queue(desk, session, wanted), COUNTED_MAX),
         stored.count_waiting(session, reviews.list_queue(desk, session, wanted, who.id), COUNTED_MAX),
-        stored.count_differing(session, who.course, COUNTED_MAX),
+        stored.count_differing(session, who.course, COUNTED_MAX, who.id),
         dead[:DEAD_SHOWN],
         len(dead) > DEAD_SHOWN,
     )

@@ -50,6 +50,8 @@ def claim(session: Session, who: Identity, submission: Submission, *, second: bo
     require_free(session, submission, who)
     if second:
         require_second(session, submission, who)
+    else:
+        require_third(session, submission, who)
     if reviews.find_claim(session, submission.id, clock) is None:
         record(session, who, who.course, Action.CLAIMED, submission.id)
     return reviews.put_claim(session, submission.id, who.id, who.user, clock + CLAIM)
@@ -100,10 +102,18 @@ def require_second(session: Session, submission: Submission, who: Identity) -> R
     return review
 
 
+def require_third(session: Session, submission: Submission, who: Identity) -> None:
+    """Raises Conflict if two marks differ of which one is this reviewer's, and another could decide."""
+    review = reviews.find_review(session, submission.id)
+    if review is not None and review.second == DIFFERS and not reviews.may_settle(session, review, who.id):
+        raise Conflict("One of the two marks that differ is yours: a third reviewer decides.")
+
+
 def decide(desk: Desk, session: Session, who: Identity, submission: Submission, mark: Mark) -> Verdict:
     """Appends the reviewer's verdict, whose points count. Raises Conflict, Unprocessable. On an answer with two marks
     it is the third decision. The caller holds the submission."""
     require_free(session, submission, who)
+    require_third(session, submission, who)
     earlier = read_newest(session, submission)
     verdict = apply_mark(earlier, desk.question(submission), mark)
     results.append_verdict(desk.database, desk.library, session, submission, verdict, cause="review", reviewer=who.user)

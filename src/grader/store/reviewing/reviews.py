@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, and_, func, or_, select
+from sqlalchemy import ColumnElement, Select, and_, exists, func, or_, select
 from sqlalchemy.orm import Session, aliased
 
 from grader.domain.verdict import NO_COMMENT, REVIEW
 from grader.store.submissions import GRADED, NEEDS_REVIEW, NEWEST, UNSETTLED, SubmissionFilter
-from grader.store.tables import Review, ReviewClaim, SavedComment, Submission, VerdictRow
+from grader.store.tables import Member, Review, ReviewClaim, SavedComment, Submission, VerdictRow
 
 NONE, WAITING, AGREED, DIFFERS, DECIDED = "none", "waiting", "agreed", "differs", "decided"
 """Where the second marking of a submission stands."""
@@ -148,14 +148,31 @@ def _first_marks(course: str, reviewer: str) -> Select[str]:
 
 
 def list_disagreements(
-    session: Session, wanted: SubmissionFilter, after: str | None, limit: int
+    session: Session, wanted: SubmissionFilter, after: str | None, limit: int, third_for: str | None = None
 ) -> list[tuple[Submission, Review]]:
-    """At most `limit` submissions whose two marks differ, oldest first, beginning after the id `after`."""
+    """At most `limit` submissions whose two marks differ, oldest first, beginning after the id `after`; with
+    `third_for` those between which this reviewer may decide."""
     rows = select(Submission, Review).join(Review, Review.submission_id == Submission.id).where(*wanted.conditions())
     differ = rows.where(Review.course == wanted.course, Review.second == DIFFERS)
+    if third_for is not None:
+        differ = differ.where(_settled_by(third_for))
     if after is not None:
         differ = differ.where(Review.submission_id > after)
     return [(row[0], row[1]) for row in session.execute(differ.order_by(Review.submission_id).limit(limit))]
+
+
+def may_settle(session: Session, review: Review, reviewer: str) -> bool:
+    """Whether this reviewer may decide between the two marks of a review."""
+    mine = select(Review.submission_id).where(Review.submission_id == review.submission_id, _settled_by(reviewer))
+    return session.scalar(mine) is not None
+
+
+def _settled_by(reviewer: str) -> ColumnElement[bool]:
+    """Whether a reviewer may decide between two marks: who gave neither, or anybody where no other instructor is."""
+    pair = (Review.reviewer, Review.second_reviewer)
+    here = (Member.course == Review.course, Member.role == "instructor", Member.removed_at.is_(None))
+    third = exists().where(*here, *(Member.id != one for one in pair))
+    return or_(and_(*(one != reviewer for one in pair)), ~third)
 
 
 def count_waiting(session: Session, queue: Queue, limit: int) -> list[WaitingQuestion]:
@@ -163,10 +180,11 @@ def count_waiting(session: Session, queue: Queue, limit: int) -> list[WaitingQue
     return _by_question(session, select(*_WAITS).where(*queue.conditions()), limit)
 
 
-def count_differing(session: Session, course: str, limit: int) -> list[WaitingQuestion]:
-    """As `count_waiting`: the submissions whose two marks differ."""
+def count_differing(session: Session, course: str, limit: int, third_for: str) -> list[WaitingQuestion]:
+    """As `count_waiting`: the submissions whose two marks differ, between which this reviewer may decide."""
     differ = select(*_WAITS).join(Review, Review.submission_id == Submission.id)
-    return _by_question(session, differ.where(Review.course == course, Review.second == DIFFERS), limit)
+    here = (Review.course == course, Review.second == DIFFERS, _settled_by(third_for))
+    return _by_question(session, differ.where(*here), limit)
 
 
 _WAITS = (Submission.quiz, Submission.question, Submission.created_at)

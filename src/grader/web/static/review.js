@@ -47,7 +47,7 @@ function onKey(event) {
   const inText = event.target.matches("input:not([type=checkbox]), textarea, select");
   if (event.key === "Enter" && (event.ctrlKey || !event.target.closest("a, button, summary, input, textarea, select"))) {
     event.preventDefault();
-    form.requestSubmit(form.querySelector("[data-next]"));
+    form.querySelector("[data-next]")?.click();
   } else if (!inText && !event.ctrlKey && /^[1-9]$/.test(event.key)) {
     boxes[Number(event.key) - 1]?.click();
   }

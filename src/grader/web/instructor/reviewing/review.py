@@ -151,7 +151,7 @@ def claim_next(at: Sitting, **query: str) -> RedirectResponse:
 def find_first(at: Sitting, session: Session) -> Submission | None:
     """Returns the answer of a list that the reviewer holds, else the one that has waited longest, if one waits."""
     if at.chosen.which == DIFFER:
-        differ = stored.list_disagreements(session, at.chosen.wanted(at.who), None, 1)
+        differ = stored.list_disagreements(session, at.chosen.wanted(at.who), None, 1, at.who.id)
         return differ[0][0] if differ else None
     try:
         return reviews.next_to_claim(session, at.chosen.queue(at.desk, session, at.who), at.who, own_first=True)
@@ -269,6 +269,8 @@ def render(
         given = read_in_full(row, seen.verdicts.get(row.id))
         written = read_comments(session, [row.id]).get(row.id, [])
         claim, review = stored.find_claim(session, row.id, now()), stored.find_review(session, row.id)
+        marks = review if review is not None and review.second == DIFFERS else None
+        waits_for_third = marks is not None and not stored.may_settle(session, marks, who.id)
         kept = find_comments(session, who.course, row.quiz, row.question)
         learner = name_learner(row, seen.names, make_marks(session, who.course))
         waiting = sum(queue.answers for queue in list_waiting(at, session))
@@ -287,7 +289,8 @@ def render(
         "of": given.verdict["max_points"] if question is None else question.points,
         "claim": claim,
         "is_mine": claim is not None and claim.reviewer == who.id,
-        "marks": review if review is not None and review.second == DIFFERS else None,
+        "marks": marks,
+        "waits_for_third": waits_for_third,
         "rubric": list_rubric(question),
         "comments": kept,
         "written": written,
@@ -318,7 +321,7 @@ def describe_visibility(at: Sitting, submission_id: str) -> str:
 def list_waiting(at: Sitting, session: Session) -> Sequence[WaitingQuestion]:
     """Says what waits in the list, by question."""
     if at.chosen.which == DIFFER:
-        return stored.count_differing(session, at.who.course, COUNTED_MAX)
+        return stored.count_differing(session, at.who.course, COUNTED_MAX, at.who.id)
     return stored.count_waiting(session, at.chosen.queue(at.desk, session, at.who), COUNTED_MAX)
 
 

@@ -160,7 +160,8 @@ def find_answers(
         return submissions.page(session, chosen.wanted(who), after, ROWS + 1), {}
     if chosen.which == DIFFER:
         wanted = replace(chosen.wanted(who), user=None)  # a name would tell whose answers they are
-        return [submission for submission, _ in stored.list_disagreements(session, wanted, after, ROWS + 1)], {}
+        differ = stored.list_disagreements(session, wanted, after, ROWS + 1, who.id)
+        return [submission for submission, _ in differ], {}
     waiting = stored.page(session, chosen.queue(desk, session, who), after, ROWS + 1, now())
     return [submission for submission, _ in waiting], {
         submission.id: claim for submission, claim in waiting if claim is not None
