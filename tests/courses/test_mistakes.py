@@ -3,6 +3,7 @@
 import pytest
 
 from grader.courses.rules.mistakes import find_cure, group_mistakes, name_family, name_mistake
+from grader.questions.kinds.order import ROTATED
 
 BOUND = "You reported the bound 2*sqrt(I/kp), which ignores the damper: simulate instead of computing it."
 
@@ -72,6 +73,14 @@ def test_a_name_leaves_out_where_the_mistake_was_made(sentence: str, name: str) 
 )
 def test_a_cure_is_a_whole_sentence(sentence: str, cure: str) -> None:
     assert find_cure(sentence) == cure
+
+
+def test_a_name_that_begins_with_praise_tells_what_is_wrong() -> None:
+    name = "Your items follow each other rightly, but the order begins at the wrong one"
+    assert name_family(ROTATED).name == name
+    assert find_cure(ROTATED) == "Check which comes first."
+    turns = "Your quaternions turn as they should, but their length is not 1"
+    assert name_family(f"{turns}: divide the four numbers.").name == turns
 
 
 def test_what_is_right_or_waits_is_no_mistake() -> None:

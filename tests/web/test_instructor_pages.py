@@ -11,6 +11,7 @@ from typing import Any
 
 import httpx
 import pytest
+from sqlalchemy import select
 
 from grader.certify import Certificate, keys
 from grader.certify.remarks import Luck
@@ -23,6 +24,7 @@ from grader.exercises import load_kinds
 from grader.library import load
 from grader.questions.kinds.number import NumberQuestion
 from grader.settings import Settings
+from grader.store.tables import VerdictRow
 from grader.web.instructor import certificates, extensions
 from grader.web.instructor.statistics_plots import plot_estimates
 from grader.web.text.certificates import word_key
@@ -398,6 +400,22 @@ def test_the_service_page_tells_workers_and_the_queue(site: Site, tina: httpx.Cl
     assert "Scripts to grade 0 0 –" in text
     assert browser(site, "ann").post("/instructor/service/deliveries/1/replay").status_code == 403
     assert tina.post(f"/instructor/service/deliveries/{2**70}/replay").status_code == 422
+
+
+def test_mistakes_show_names_between_backticks_as_code(site: Site, tina: httpx.Client) -> None:
+    told = "The dictionary that your function returns has no `period`: its keys are spelt as the task gives them."
+    for name in ("ann", "bob", "cem"):
+        answer(site.client(name), "small", "q2", "50 ms")
+    with site.app.state.services.database.write() as session:
+        for row in session.scalars(select(VerdictRow).where(VerdictRow.course == site.course)):
+            row.body = json.dumps(json.loads(row.body) | {"diagnosis": told})
+    assert tina.post(f"{API}/quizzes/small/results:recount").is_success
+    for address in ("/instructor", "/instructor/statistics?quiz=small", "/instructor/class/small/q2"):
+        shown = page(tina, address)
+        assert "has no <code>period</code>" in shown
+        assert "`" not in shown
+    sent = tina.get(f"{API}/submissions").json()["items"][0]["id"]
+    assert "has no <code>period</code>" in page(tina, f"/instructor/review/{sent}")
 
 
 def test_content_tells_digests_and_keys_that_no_simulation_confirms(tina: httpx.Client) -> None:

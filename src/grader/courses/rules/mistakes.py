@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from grader.courses.rules.statistics import CRASHED, group_crash
 from grader.domain.verdict import Status
 
-CLAUSE = re.compile(r"[:;(]\s|\.(?:\s|$)|, (?:although|which|but|where|in line \d)")
-"""Where the first clause of a sentence ends: what follows explains or mends."""
+CLAUSE = re.compile(
+    r"[:;(]\s|\.(?:\s|$)|, (?:although|which|where|in line \d)|(?<! rightly)(?<! should)(?<! fast)(?<! order), but"
+)
+"""Where the first clause of a sentence ends: what follows explains or mends. Behind praise it tells what is wrong."""
 
 HANGING = re.compile(r", (?:although|which|where|in line \d)")
 """Where a clause begins that is no sentence without the one before."""

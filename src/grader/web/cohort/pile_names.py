@@ -62,8 +62,9 @@ class Label:
 
 
 def shorten_mistake(name: str, *, is_narrow: bool) -> tuple[str, ...]:
-    """Returns a mistake's name in lines of about the same length: without whose it is, and with an ellipsis where the
-    lines do not hold it."""
+    """Returns a mistake's name in lines of about the same length: without whose it is and backticks, and with an
+    ellipsis where the lines do not hold it."""
+    name = name.replace("`", "")
     for start in STARTS:
         if name.startswith(start):
             name = capitalize(name.removeprefix(start))

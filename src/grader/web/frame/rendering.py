@@ -82,6 +82,7 @@ templates.env.trim_blocks = templates.env.lstrip_blocks = True
 templates.env.globals["static"] = static
 templates.env.filters |= {
     "clock": moments.tag_clock,
+    "coded": numbers.mark_code,
     "fraction": numbers.write_fraction,
     "image": read_image,
     "lines_linked": card.link_lines,

@@ -86,8 +86,12 @@ def capitalize(text: str) -> str:
 
 def remark(text: str) -> Markup:
     """Returns a remark on content as it is shown: with a capital letter, and what stands between backticks as code."""
-    sentence = capitalize(keep_unbroken(text)) if text[:1].isalpha() else keep_unbroken(text)
-    return Markup(CODE.sub(r"<code>\1</code>", str(escape(sentence))))  # noqa: S704  # escaped
+    return mark_code(capitalize(text) if text[:1].isalpha() else text)
+
+
+def mark_code(text: str) -> Markup:
+    """Returns an unbroken text in which what stands between backticks is code."""
+    return Markup(CODE.sub(r"<code>\1</code>", str(escape(keep_unbroken(text)))))  # noqa: S704  # escaped
 
 
 def keep_unbroken(text: str) -> str:

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Any
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from grader.domain.pages.pictures import Table
 from grader.domain.verdict import NO_COMMENT, REVIEW, Status
-from grader.web.text.numbers import capitalize, keep_unbroken, write_number, write_points, write_quantity
+from grader.web.text.numbers import capitalize, keep_unbroken, mark_code, write_number, write_points, write_quantity
 from grader.web.text.prose import cached_prose
 from grader.web.text.statuses import FAILED, PASSED, Badge, describe_outcome
 from grader.web.verdict import evidence as read
@@ -305,7 +305,7 @@ def list_rubric(measured: Any) -> Iterator[str]:
 
 def link_lines(text: str) -> Markup:
     """Returns a sentence whose `line 14` leads to that line of the editor."""
-    return Markup(NAMED_LINE.sub(r'<a href="#answer" data-go-to="\1">\g<0></a>', str(escape(text))))  # noqa: S704
+    return Markup(NAMED_LINE.sub(r'<a href="#answer" data-go-to="\1">\g<0></a>', str(mark_code(text))))  # noqa: S704
 
 
 def list_facts(verdict: Mapping[str, Any]) -> Iterator[str]:
