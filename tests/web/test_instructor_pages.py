@@ -418,6 +418,11 @@ def test_mistakes_show_names_between_backticks_as_code(site: Site, tina: httpx.C
     assert "has no <code>period</code>" in page(tina, f"/instructor/review/{sent}")
 
 
+@pytest.mark.parametrize("address", ["/instructor", "/instructor/"])
+def test_today_has_its_address_with_and_without_a_slash(tina: httpx.Client, address: str) -> None:
+    assert "needs a person today" in page(tina, address)
+
+
 def test_content_tells_digests_and_keys_that_no_simulation_confirms(tina: httpx.Client) -> None:
     assert "The course has no learners yet" in words(page(tina, "/instructor"))
     text = words(page(tina, "/instructor/content"))

@@ -71,6 +71,7 @@ class Task:
 
 
 @router.get(PAGE)
+@router.get(f"{PAGE}/")
 def home(request: Request, services: AppServices, who: Visitor) -> Response:
     """What needs a person today, and how far the queue is; to anyone but an instructor, how to sign in."""
     if who is None or not who.is_instructor:
