@@ -115,8 +115,8 @@ SATURATES = (
     "the gains."
 )
 ONE_END = (
-    "Most of the time the controls are at an end of what the actuator gives: look for a wrong sign, an angle in "
-    "degrees, damping by something else than the rate, or a gain that is far too large."
+    "Most of the time the controls are at an end of what the actuator gives: look for a wrong sign, a unit such as "
+    "degrees, too little damping or damping by something else than the rate, or a gain that is far too large."
 )
 HELD = (
     "The controls stay at one end of what the actuator gives: either the function does not use what it observes, or a "
@@ -132,8 +132,9 @@ OWN_LIMIT = (
     "limits them, let it use the actuator's whole range."
 )
 TUNED = (
-    "It works in the episodes that you see, not in the hidden ones, whose models and starts are drawn. The numbers fit "
-    "these episodes alone: leave a margin, and use what you observe."
+    "It works in the episodes that you see, not in the hidden ones, whose models and starts are drawn. Something "
+    "fits these episodes alone, such as a number, a part of the model or what was kept of an earlier episode: leave a "
+    "margin, and use what you observe."
 )
 REMEMBERS = (
     "Only the first episode goes well: something of it is left for the next. Make the state of the controller anew in "
