@@ -42,6 +42,13 @@ def test_nothing_is_taken_from_no_points(site: Site) -> None:
     assert "0 of 1 point, attempt 1" in answer_late(site, 0)
 
 
+def test_the_card_of_a_lesson_says_until_when_late_answers_are_taken(site: Site) -> None:
+    learner = site.anonymous({"Accept": "text/html", "Sec-Fetch-Site": "same-origin", "Origin": site.origin})
+    learner.post("/session")
+    page = re.sub(r"<[^>]+>", "", learner.get("/").text)
+    assert re.search(r"over since \w{3} [^,]+, [0-9:]+ UTC, late answers until \w{3} [^,]+, [0-9:]+ UTC", page)
+
+
 def test_a_lesson_tells_when_each_of_its_quizzes_is_due(tmp_path_factory: pytest.TempPathFactory) -> None:
     content = write_content(tmp_path_factory.mktemp("dues") / "content")
     file = content / "quizzes" / "small.json"

@@ -211,6 +211,9 @@ def list_facts(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
     coming = sorted({due for due in dues if due > work.access.at})
     if coming:
         facts["due"] = ", then ".join(map(format_day, coming[:DUES_MAX])) + (" …" if len(coming) > DUES_MAX else "")
-    elif dues and not any(place.may_answer for place in places):
-        facts["due"] = f"over since {format_day(max(dues))}"
+    elif dues:
+        decisions = (work.access.decide(quiz.id, question.id) for quiz in with_questions for question in quiz.questions)
+        closings = [decision.closes for decision in decisions if decision.why_not is None and decision.closes]
+        late = f", late answers until {format_day(max(closings))}" if closings else ""
+        facts["due"] = f"over since {format_day(max(dues))}{late}"
     return facts
