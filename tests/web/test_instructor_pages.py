@@ -333,6 +333,9 @@ def test_an_extension_is_given_refused_and_taken_back(site: Site, tina: httpx.Cl
     assert "2 further attempts" in early and "2 tina" in words(page(tina, f"{address}?quiz=2-graded"))
     assert "ann: has no extension any more" in words(tina.post(address, data={**form, "back": "yes"}).text)
     assert "None." in words(page(tina, f"{address}?quiz=2-graded"))
+    log = words(page(tina, "/instructor/people/audit"))
+    assert "2-graded, ann due 3 Feb 2101, 04:05 UTC , attempts 2" in log
+    assert "2-graded, ann taken back" in log
     assert browser(site, "ann").post(address, data=given).status_code == 403
     refused = tina.post(address, data={**given, "learner-" + "0" * 32: "yes"})
     assert (refused.status_code, "no learner of this course any more" in refused.text) == (422, True)

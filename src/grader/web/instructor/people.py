@@ -29,6 +29,7 @@ from grader.store.tables import ROW_ID_MAX, Credential, Member
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import PRIVATE, page
 from grader.web.learner.pages import show_sign_in
+from grader.web.text.audit_details import describe_detail
 
 PAGE = "/instructor/people"
 Part = Literal["members", "invitations", "tokens", "audit"]
@@ -119,7 +120,10 @@ def render(
                 if is_invitation(credential)
             ],
             "tokens": [tokens.describe_credential(token) for token in tokens.list_tokens(session, who.course)],
-            "audit": [(entry, *describe_subject(entry)) for entry in entries[:ROWS]],
+            "audit": [
+                (entry, *describe_subject(entry), describe_detail(entry.action, entry.detail))
+                for entry in entries[:ROWS]
+            ],
             "marks": make_marks(session, who.course),
             "more_audit": entries[ROWS - 1].id if len(entries) > ROWS else None,
         }
