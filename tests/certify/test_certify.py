@@ -14,8 +14,9 @@ import pytest
 from pydantic import ValidationError
 
 from grader.certify import Certificate, certify_key
-from grader.certify.keys import name_slip
+from grader.certify.keys import find_refused_keys, name_slip
 from grader.errors import NotFound
+from grader.library import load
 from grader.questions import ModelXml, Question, kind_of, question_adapter
 from grader.questions.kinds.choice import ChoiceQuestion
 from grader.questions.kinds.number import NumberQuestion
@@ -813,3 +814,25 @@ def test_the_period_of_a_size_is_remarked_on(expr: str, level: float, period: fl
     certificate = certify(numeric(period, 0.01, "s", **told, expr=expr, level=level))
     assert certificate.ok, certificate.why
     assert any("comes by twice" in remark for remark in certificate.remarks) is is_remarked
+
+
+TURNED = "<mujoco><worldbody><body quat='0.6 0.8 0 0'/></worldbody></mujoco>"
+
+
+@pytest.mark.parametrize(
+    ("numbers", "either_sign", "holds"),
+    [((0.6, 0.8), True, True), ((-0.6, -0.8), True, True), ((-0.6, -0.8), False, False), ((-0.6, 0.8), True, False)],
+)
+def test_numbers_of_either_sign_hold_all_together(
+    tmp_path: Path, numbers: tuple[float, ...], either_sign: bool, holds: bool
+) -> None:
+    fields = [
+        {"id": f"n{at}", "label": f"n{at}", "answer": number, "tol": 0.01,
+         "verify": {"by": "expression", "xml": TURNED, "expr": f"data.xquat[{4 + at}]"}}
+        for at, number in enumerate(numbers)
+    ]  # fmt: skip
+    question = {"id": "q", "kind": "numbers", "q": "The quaternion?", "fields": fields, "either_sign": either_sign}
+    (tmp_path / "quizzes").mkdir()
+    (tmp_path / "quizzes/a.json").write_text(json.dumps({"id": "a", "title": "A", "questions": [question]}))
+    refused = list(find_refused_keys(load(tmp_path), ["a"]))
+    assert (refused == []) == holds, refused

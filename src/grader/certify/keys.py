@@ -1,6 +1,6 @@
 """Certifies the answer keys of whole quizzes: for a check of the content, and before it is served."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -40,19 +40,35 @@ def certify_quizzes(
         for question in library.quiz(quiz).questions:
             if not is_wanted(quiz, question.id):
                 continue
-            inputs = list_inputs(question, library.models)
-            for key in kind_of(question).answer_keys(question):
-                certificate = passed.run(
-                    "key",
-                    [*inputs, key.place],
-                    lambda _, key=key: certify_key(key, library.model_xml),  # type: ignore[misc]
-                    text_of=library.text,
-                    write=write_certificate,
-                    read=read_certificate,
-                )
+            for key, certificate in certify_question(library, question, passed):
                 yield CertifiedKey(quiz, question, key, certificate and name_slip(question, key, certificate))
             if is_drawn(question):
                 yield from certify_drawn(library, quiz, question, passed)
+
+
+def certify_question(
+    library: Library, question: Question, passed: PassedChecks
+) -> list[tuple[AnswerKey, Certificate | None]]:
+    """Returns the keys of a question with their certificates: of several sets that are as right, the one that holds."""
+    inputs, kind = list_inputs(question, library.models), kind_of(question)
+
+    def certify_all(keys: Sequence[AnswerKey], which: int) -> list[tuple[AnswerKey, Certificate | None]]:
+        return [
+            (key, passed.run(
+                "key", [*inputs, key.place, *([str(which)] if which else [])],
+                lambda _, key=key: certify_key(key, library.model_xml),  # type: ignore[misc]
+                text_of=library.text, write=write_certificate, read=read_certificate,
+            ))
+            for key in keys
+        ]  # fmt: skip
+
+    certified = certify_all(kind.answer_keys(question), 0)
+    for which, keys in enumerate(kind.other_keys(question), start=1):
+        if any(certificate is not None and not certificate.ok for _, certificate in certified):
+            others = certify_all(keys, which)
+            if all(certificate is None or certificate.ok for _, certificate in others):
+                return others
+    return certified
 
 
 def name_slip(question: Question, key: AnswerKey, certificate: Certificate) -> Certificate:

@@ -110,6 +110,10 @@ class QuestionKind(ABC, Generic[Q, A]):
         """Returns the parts of the key that a simulation may derive again; none where no `verify` is allowed."""
         return ()
 
+    def other_keys(self, question: Q) -> Sequence[Sequence[AnswerKey]]:
+        """Returns other keys of the same parts that are as right, all together, as of a quaternion the negative one."""
+        return ()
+
     def reveal(self, question: Q) -> Reveal | None:
         """Returns what the author lets the feedback on a wrong answer give away; None: the default."""
         return None

@@ -97,6 +97,10 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
             for place, field in enumerate(question.fields)
         ]  # fmt: skip
 
+    def other_keys(self, question: NumbersQuestion) -> Sequence[Sequence[NumberKey]]:
+        """Returns the negative numbers, where either sign counts."""
+        return [self.answer_keys(negate(question))] if question.either_sign else []
+
     def reveal(self, question: NumbersQuestion) -> Reveal | None:
         """Returns what the author allows."""
         return question.reveal
