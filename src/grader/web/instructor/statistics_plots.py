@@ -30,7 +30,10 @@ def plot_estimates(questions: Sequence[QuestionStatistics], titles: Mapping[str,
     shares = [(titles[question.question], question.difficulty) for question in questions]
     if shares:
         title = describe_shares(shares)
-        caption = f"Dots: the part of a question's points that learners have; lines: 95{NARROW}% intervals (Wilson)."
+        caption = (
+            "Dots: the part of a question's points that learners have, late answers with what they keep; lines: "
+            f"95{NARROW}% intervals (Wilson)."
+        )
         yield plot_rows("difficulty", title, caption, shares, (0.0, 1.0))
     tells = [
         (titles[question.question], question.discrimination)
