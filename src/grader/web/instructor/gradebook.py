@@ -25,7 +25,7 @@ from grader.web.frame.inputs import Visitor
 from grader.web.frame.rendering import page
 from grader.web.learner.pages import show_sign_in
 from grader.web.text.questions import list_titles
-from grader.web.text.statuses import NOT_ANSWERED, STATUSES, WAITS, Badge
+from grader.web.text.statuses import NOT_ANSWERED, SECOND_MARK, STATUSES, WAITS, Badge
 
 PAGE = "/instructor/gradebook"
 ROWS = 100
@@ -202,9 +202,11 @@ def make_row(
 
 
 def make_cell(result: Any, unseen: Collection[LearnerAt], right: Collection[LearnerAt]) -> ResultCell:
-    """Returns a result in words: what is not final waits, whatever its points are, and so does what is `unseen`. What
-    is `right` is correct also where it was late and lost points by that."""
-    if is_in(unseen, result) or not (result.is_final or result.points):
+    """Returns a result in words: what is not final waits, whatever its points are, and what is `unseen` for a second
+    mark. What is `right` is correct also where it was late and lost points by that."""
+    if is_in(unseen, result):
+        return ResultCell(SECOND_MARK)
+    if not (result.is_final or result.points):
         return ResultCell(WAITS)
     if not result.is_final:
         badge = WAITS

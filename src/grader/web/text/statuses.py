@@ -40,6 +40,7 @@ FAILED = Badge("failed", "wrong", "no")
 UNDECIDED = Badge("open", "waiting", "wait")
 REPLACED = Badge("Replaced by a newer answer", "open", "wait")
 WAITS = Badge("waits", "waiting", "wait")
+SECOND_MARK = Badge("waits for a second mark", "waiting", "wait")
 
 
 def describe_status(status: str, *, withheld: bool = False) -> Badge:
