@@ -19,7 +19,7 @@ BIN := $(VENV)/bin
 # How often a test that fails is run again; the summary names it. None but in CI, where nobody can look at the machine.
 RERUNS ?= 0
 AGAIN := $(if $(filter-out 0,$(RERUNS)),--reruns $(RERUNS))
-# Processes share the tests file by file, as these share their server. Three on two cores, since tests also wait; fast
+# Processes share the tests file by file, as these share their server. Four on two cores, since tests also wait; fast
 # ones do not, and each process takes ten seconds to import them all.
 TOGETHER := --dist loadfile --no-loadscope-reorder
 PIP := $(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check
@@ -51,7 +51,7 @@ test: install ## the whole test suite: lint, types, layers, jail, database, brow
 	@.ci/system-packages chromium-headless-shell:chromium-headless-shell node:nodejs npm:npm nginx:nginx openssl:openssl \
 		caddy:caddy zsh:zsh docker-compose:docker-compose pgbouncer:pgbouncer systemd-analyze:systemd pg_dump:postgresql-client
 	@$(MAKE) --no-print-directory wasm || echo 'Without the WASM build of MuJoCo the comparison in tests/labs fails.'
-	$(BIN)/python -m pytest -n 3 $(TOGETHER) $(AGAIN)
+	$(BIN)/python -m pytest -n 4 $(TOGETHER) $(AGAIN)
 
 wasm: build/wasm/node_modules ## the official WASM build of MuJoCo, with which tests/labs compares
 
