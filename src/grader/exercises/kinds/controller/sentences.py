@@ -1,4 +1,4 @@
-"""What learners are told of a controller. No sentence has a number; braces take names of observations."""
+"""What learners are told of a controller. No sentence has a number; names of observations fill the braces."""
 
 WRITES = (
     "The function writes data.{parts}: that is a copy, so that it moves nothing. The grader simulates on its own; only "
