@@ -387,6 +387,12 @@ class Pair:
     a: Any
 
 
+@dataclass(frozen=True, slots=True)
+class Slots:
+    b: Any
+    a: Any
+
+
 Named = namedtuple("Named", "b a")
 
 
@@ -397,6 +403,7 @@ Named = namedtuple("Named", "b a")
         MappingProxyType({"b": 2, "a": 1}),
         UserDict(a=1, b=2),
         Pair(a=1, b=2),
+        Slots(a=1, b=2),
         Named(a=1, b=2),
         (1, 2),
         [Fraction(1), np.float32(2)],

@@ -119,7 +119,7 @@ def _read_model(verify: ByMeasurement | ByExpression, model_xml: ModelXml) -> Mj
 def _remark_words(certificate: Certificate, key: AnswerKey, model_xml: ModelXml) -> Certificate:
     """Remark where the words of a question say otherwise than the `verify` that certifies its key."""
     if certificate.ok and isinstance(key, NumberKey) and isinstance(key.verify, ByMeasurement | ByExpression):
-        for remark in list_contradictions(key, partial(_read_model, key.verify, model_xml)):
+        for remark in list_contradictions(key.text, key.verify, partial(_read_model, key.verify, model_xml)):
             certificate = certificate.with_remark(remark)
     return certificate
 

@@ -10,7 +10,6 @@ from grader.certify.wording import read_question
 from grader.domain.pages.markup import plain_text
 from grader.domain.verify import ByExpression, ByMeasurement
 from grader.numerics.integrators import BY_CODE
-from grader.questions import NumberKey
 
 COMPARED = {
     "max": "largest",
@@ -29,16 +28,15 @@ SET = re.compile(r"data\.(?:qpos|qvel)\[\d+\] *= *(-?[0-9.]+) *(?:;|\n|$)")
 ANGLE = re.compile(r"Math\.(?:sin|cos|tan)\( *(-?[0-9.]+) *\)")
 
 
-def list_contradictions(key: NumberKey, read_model: Callable[[], MjModel]) -> Iterator[str]:
-    """Yields what the words of a question say otherwise than its `verify`."""
-    verify = key.verify
-    if not isinstance(verify, ByMeasurement | ByExpression):
-        return
+def list_contradictions(
+    text: str, verify: ByMeasurement | ByExpression, read_model: Callable[[], MjModel]
+) -> Iterator[str]:
+    """Yields what the text of a question, HTML, says otherwise than its `verify`."""
     for number in ANGLE.findall(verify.expr):
         if abs(float(number)) > 2 * pi:
             yield f"JavaScript takes angles in radians: write {number} * Math.PI / 180 in verify.expr for {number}°."
     if isinstance(verify, ByMeasurement):
-        yield from _compare_measurement(plain_text(key.text), verify, read_model)
+        yield from _compare_measurement(plain_text(text), verify, read_model)
 
 
 def _compare_measurement(text: str, verify: ByMeasurement, read_model: Callable[[], MjModel]) -> Iterator[str]:

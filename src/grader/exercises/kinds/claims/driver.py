@@ -3,7 +3,7 @@ of the driver, which runs in the jail: NumPy, MuJoCo and the standard library al
 it cannot be read, `other<i>` is the text of what stands in its place. Nothing that is measured enters the jail."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from numbers import Real
 from typing import Any
 
@@ -66,7 +66,7 @@ def name_values(returned: Any) -> Any:
     if isinstance(returned, tuple) and hasattr(returned, "_asdict"):
         return returned._asdict()
     if is_dataclass(returned) and not isinstance(returned, type):
-        return dict(vars(returned))
+        return {field.name: getattr(returned, field.name) for field in fields(returned)}
     return dict(returned) if isinstance(returned, Mapping) and not isinstance(returned, dict) else returned
 
 
