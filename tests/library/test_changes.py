@@ -75,7 +75,7 @@ def test_another_order_is_a_change_of_the_quiz(write: Write) -> None:
 def test_a_change_of_texts_alone_alters_no_verdict(write: Write, key: str, value: object, *, is_silent: bool) -> None:
     after = load(write("two", {**QUIZ, "questions": [{**NUMBER, key: value}, CHOICE]}))
     (change,) = list_changes(load(write("one", QUIZ)), after)
-    assert (change.keys, change.is_silent) == ((key,), is_silent)
+    assert (change.keys, not change.is_for_regrade) == ((key,), is_silent)
 
 
 def test_what_differs_is_told_with_the_old_and_the_new(write: Write) -> None:
@@ -105,7 +105,7 @@ def test_of_drawn_numbers_the_names_are_compared(write: Write) -> None:
              "verify": {"by": "expression", "expr": "2 * {n}"}}  # fmt: skip
     old, new = ({**QUIZ, "questions": [drawn | more, CHOICE]} for more in ({}, {"q": "What is twice {n}?"}))
     (change,) = list_changes(load(write("one", old)), load(write("two", new)))
-    assert (change.keys, change.is_silent) == (("q",), True)
+    assert (change.keys, change.is_for_regrade) == (("q",), False)
     assert change.edits == (("q", "Twice {n}?", "What is twice {n}?"),)
 
 
@@ -117,7 +117,7 @@ def test_models_and_starters_belong_to_the_questions_that_name_them(write: Write
         Change("a", "l", CHANGED, ("models",), is_question=False),
     ]
     (change,) = list_changes(before, load(write("three", quiz, starter="def f(): pass\n")))
-    assert (change.part, change.keys, change.is_silent) == ("s", ("starter",), True)
+    assert (change.part, change.keys, change.is_for_regrade) == ("s", ("starter",), False)
 
 
 def test_the_texts_of_lessons_come_change_and_go(write: Write) -> None:

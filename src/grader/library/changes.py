@@ -24,8 +24,8 @@ OF_PERSONS = frozenset({"rubric"})
 class Change:
     """What happens to a question or lab, or to a whole quiz or the text of a lesson where `part` is empty: one of
     ADDED, REMOVED and CHANGED. `quiz` is empty for the text of a lesson, which `lesson` names.
-    `keys` are the author's keys that differ, with `models` and `programs` for files of theirs. `is_silent`: no verdict
-    can differ. `edits` are the old and new values of what is changed."""
+    `keys` are the author's keys that differ, with `models` and `programs` for files of theirs.
+    `edits` are the old and new values of what is changed."""
 
     quiz: str
     part: str
@@ -34,11 +34,6 @@ class Change:
     is_question: bool = True
     lesson: str = ""
     edits: tuple[Edit, ...] = field(default=(), compare=False)
-
-    @property
-    def is_silent(self) -> bool:
-        """Whether no verdict can differ."""
-        return self.how == CHANGED and SILENT.issuperset(self.keys)
 
     @property
     def is_for_regrade(self) -> bool:
