@@ -1,5 +1,6 @@
 """A judge that asks step by step: however hostile what a script's process answers, it ends with a status."""
 
+import os
 import re
 import struct
 import time
@@ -60,6 +61,15 @@ def test_every_message_is_answered_in_order(jail: Jail) -> None:
     assert report.status is RunStatus.RETURNED, report.reason
     assert report.talked == [b"%d" % step for step in range(1000)]
     assert report.results["visible"].tolist() == [1.0]
+
+
+def test_judge_and_script_take_turns_on_one_core(jail: Jail) -> None:
+    cores = os.sched_getaffinity(0)
+    source = "import os\ndef answer(message):\n    return repr(os.sched_getaffinity(0)).encode()\n"
+    report = talk(jail, source, asks=lambda channel: [channel.ask(b"x"), os.sched_getaffinity(0), channel.end()])
+    theirs, ours, _ = report.talked
+    assert theirs.decode() == repr(ours)
+    assert len(ours) == 1 and os.sched_getaffinity(0) == cores
 
 
 def test_large_messages_and_answers_pass_whole(jail: Jail) -> None:

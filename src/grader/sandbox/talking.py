@@ -5,7 +5,9 @@ answer to each message, of limited length. A process that answers before it is a
 import os
 import select
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 from grader.domain.run import Channel, ChannelClosed, Job, MalformedAnswer
@@ -24,6 +26,25 @@ the answer lies in the pipe until we get a core. Ten thousand answers may so tak
 
 HEARING_MS = 2
 """How long an answer is waited for before the other pipes are looked at."""
+
+
+CORE_AT = 36
+"""Where `stat` of a thread has the core it runs on, counted from behind its name: field 39, see proc(5)."""
+
+
+@contextmanager
+def share_core(pid: int) -> Iterator[None]:
+    """Keeps this thread and a process, which take turns, on the core where this thread is. To wake a process on a core
+    that sleeps takes some 40 us on a virtual machine, more than a step of ours; to hand over the core takes 5."""
+    cores = os.sched_getaffinity(0)
+    core = int(Path("/proc/thread-self/stat").read_text().rpartition(")")[2].split()[CORE_AT])
+    try:
+        with suppress(OSError):  # it has ended, or may not be moved; it is as right on two cores
+            os.sched_setaffinity(pid, {core})
+            os.sched_setaffinity(0, {core})
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)
 
 
 class TalkingWatch(Watch):
@@ -76,7 +97,8 @@ class TalkingWatch(Watch):
         try:
             self._left_at = time.monotonic()
             self._serve_until(lambda: self._answered >= REQUESTS[False] and not self._unsent)
-            talked = self._talk_with(self)
+            with share_core(self._child.pid):
+                talked = self._talk_with(self)
         except ChannelClosed:
             pass
         except MalformedAnswer:

@@ -7,7 +7,6 @@ there is one. An answer is "C" with the controls, which are missing at the begin
 model is the public one: what is written into it, or into data, changes nothing that is judged."""
 
 from collections.abc import Callable, Mapping
-from itertools import pairwise
 from math import isfinite
 from typing import Any
 
@@ -22,6 +21,10 @@ explain: Callable[[BaseException], bytes] = globals().get("explain", lambda erro
 Step = Callable[[Any], Any]
 
 WRITTEN = ("qpos", "qvel", "time")
+STATE = sum(map(int, (mujoco.mjtState.mjSTATE_TIME, mujoco.mjtState.mjSTATE_QPOS, mujoco.mjtState.mjSTATE_QVEL,
+                      mujoco.mjtState.mjSTATE_ACT)))  # fmt: skip
+"""The state as a message has it; MuJoCo writes its parts in this order."""
+forward, get_state, set_state = mujoco.mj_forward, mujoco.mj_getState, mujoco.mj_setState
 
 
 def trial(functions: Any, inputs: Mapping[str, Any], submit: Callable[[str, Any], None]) -> None:
@@ -57,49 +60,54 @@ def make_step(entry: Any, model: mujoco.MjModel, inputs: Mapping[str, Any]) -> S
 
 def control_step(entry: Any, model: mujoco.MjModel, inputs: Mapping[str, Any]) -> Step:
     """Returns what calls `control(model, data)`, with a data of the student's own that is set to the state."""
-    data = mujoco.MjData(model)
-    ends = np.cumsum([1, model.nq, model.nv, model.na]).tolist()
+    data, size = mujoco.MjData(model), mujoco.mj_stateSize(model, STATE)
+    ctrl, now = data.ctrl, np.empty(size)
     state = {"seen": False, "returned": False}
 
     def step(values: Any) -> Any:
-        data.time = values[0]
-        data.qpos[:], data.qvel[:], data.act[:] = (values[low:high] for low, high in pairwise(ends))
-        mujoco.mj_forward(model, data)
-        target = values[ends[-1] :].tolist()
-        returned = entry(model, data, *target)
-        if not state["seen"]:
-            state["seen"] = note_written(data, values, ends)
-        if returned is not None and not state["returned"] and data.ctrl.any():
+        given = values[:size]
+        set_state(model, data, given, STATE)
+        forward(model, data)
+        returned = entry(model, data, *values[size:].tolist())
+        get_state(model, data, now, STATE)
+        if not state["seen"] and now.tobytes() != given.tobytes():
+            state["seen"] = note_written(model, now, given)
+        if returned is not None and not state["returned"] and ctrl.any():
             state["returned"] = note("wrote", {"parts": ["ctrl"]})
-        return data.ctrl.copy() if returned is None else returned
+        return ctrl.copy() if returned is None else returned
 
     return step
 
 
-def note_written(data: mujoco.MjData, values: Any, ends: Any) -> bool:
+def note_written(model: mujoco.MjModel, now: Any, given: Any) -> bool:
     """Notes which part of the state the student's function has changed, if any."""
-    now = {"qpos": data.qpos, "qvel": data.qvel, "time": np.array([data.time])}
-    given = {"qpos": values[ends[0] : ends[1]], "qvel": values[ends[1] : ends[2]], "time": values[:1]}
-    changed = [name for name in WRITTEN if not np.array_equal(now[name], given[name])]
+    ends = np.cumsum([1, model.nq, model.nv])
+    differs = dict(zip(("time", "qpos", "qvel"), np.split(now != given, ends), strict=False))
+    changed = [name for name in WRITTEN if differs[name].any()]
     return bool(changed) and note("wrote", {"parts": changed})
 
 
 def check_controls(returned: Any, nu: int) -> Any:
     """Returns the controls (nu,). Raises TypeError and ValueError with what the student should return."""
-    wanted = "one control" if nu == 1 else f"{nu} controls"
-    if returned is None:
-        raise TypeError(f"the controller returned None instead of {wanted}")
     try:
         controls = np.asarray(returned, dtype=np.float64)
     except (TypeError, ValueError):
-        raise TypeError(f"the controller returned {describe(returned)} instead of {wanted}") from None
+        raise TypeError(f"the controller returned {describe(returned)} instead of {describe_wanted(nu)}") from None
     except OverflowError:
         raise ValueError("the controller returned a whole number that is too large for a float") from None
+    if returned is None:  # which NumPy makes nan
+        raise TypeError(f"the controller returned None instead of {describe_wanted(nu)}")
     if controls.size != nu:
-        raise ValueError(f"the controller returned an array of shape {controls.shape} instead of {wanted}")
+        shape, wanted = controls.shape, describe_wanted(nu)
+        raise ValueError(f"the controller returned an array of shape {shape} instead of {wanted}")
     if not all(map(isfinite, controls.ravel().tolist())):
         raise ValueError("the controller returned a control that is not finite (nan or inf)")
     return controls.reshape(nu)
+
+
+def describe_wanted(nu: int) -> str:
+    """Returns what a controller should return."""
+    return "one control" if nu == 1 else f"{nu} controls"
 
 
 def describe(value: Any) -> str:

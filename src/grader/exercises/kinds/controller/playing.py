@@ -78,4 +78,4 @@ def play_episode(parameters: ControllerParameters, problem: Problem, index: int,
 def write_message(form: str, seen: Seen) -> bytes:
     """Returns the message that asks for the controls of a step."""
     parts = (seen.observed,) if form == "make" else (seen.state, seen.target)
-    return b"".join((b"S", pack("<d", seen.time_s), *(part.astype("<f8", copy=False).tobytes() for part in parts)))
+    return b"".join((b"S", pack("<d", seen.time_s), *(part.tobytes() for part in parts)))
