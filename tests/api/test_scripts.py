@@ -35,6 +35,7 @@ from support.sites import ROOT, Site, open_site
 pytestmark = pytest.mark.slow
 
 API = "/api/v1"
+LESSON = Settings().content
 REFERENCE = ROOT / "reference_solutions" / "1.3-exercises" / "servo-threshold" / "correct__spectral_radius.py"
 GOOD = Verdict(status=Status.CORRECT, points=1.0, max_points=1.0)
 
@@ -66,13 +67,13 @@ def a_worker(site: Site, grade: Judge) -> Worker:
 @pytest.fixture(scope="module")
 def graded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     """A server with the shipped content, a worker and its jail."""
-    with open_site(Settings(content=ROOT, data=tmp_path_factory.mktemp("graded"), workers=1)) as site:
+    with open_site(Settings(data=tmp_path_factory.mktemp("graded"), workers=1)) as site:
         yield site
 
 
 @pytest.fixture(scope="module")
 def shared_idle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with open_site(Settings(content=ROOT, data=tmp_path_factory.mktemp("idle"), workers=0)) as site:
+    with open_site(Settings(data=tmp_path_factory.mktemp("idle"), workers=0)) as site:
         yield site
 
 
@@ -248,7 +249,7 @@ def test_an_empty_script_is_invalid_at_once(idle: Site) -> None:
 
 
 def test_one_learner_cannot_fill_the_queue(open_site_with: Callable[..., Site]) -> None:
-    site = open_site_with(content=ROOT, queue_per_user=2)
+    site = open_site_with(content=LESSON, queue_per_user=2)
     ann = site.client("ann")
     assert [hand_in(ann, "x = 1\n").status_code for _ in range(3)] == [202, 202, 429]
     assert hand_in(site.client("bob"), "x = 1\n").status_code == 202
@@ -315,8 +316,8 @@ def test_the_seed_of_hidden_cases_is_for_instructors_only(idle: Site) -> None:
 def test_an_installation_keeps_its_secret_and_two_installations_differ(
     open_site_with: Callable[..., Site], tmp_path: Path
 ) -> None:
-    first, again = open_site_with(content=ROOT), open_site_with(content=ROOT)
-    other = open_site_with(content=ROOT, data=tmp_path / "elsewhere")
+    first, again = open_site_with(content=LESSON), open_site_with(content=LESSON)
+    other = open_site_with(content=LESSON, data=tmp_path / "elsewhere")
     seeds = [
         site.app.state.services.content.get("default")
         .pipeline.read("1.3-exercises", "rk4-step", {"source": "x = 1"})

@@ -25,7 +25,7 @@ from grader.store import submissions
 from grader.studies.bench.service.sending import Client, build_request
 from support.databases import BACKENDS, database_url
 from support.queue_kills import process_of, settings_on, wait_until_ready
-from support.sites import ROOT, Site, open_site
+from support.sites import Site, open_site
 from support.tokens import issue_token
 
 SUBMISSIONS = "/api/v1/submissions"
@@ -62,7 +62,7 @@ def grading(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     folder = tmp_path_factory.mktemp("grading")
     with (
         database_url(request.param, folder) as url,
-        open_site(Settings(content=ROOT, data=folder, database_url=url, workers=1, **UNLIMITED)) as site,
+        open_site(Settings(data=folder, database_url=url, workers=1, **UNLIMITED)) as site,
     ):
         yield site
 
@@ -104,7 +104,7 @@ def idle(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
     """The same without a worker: scripts stay queued."""
     with (
         database_url(request.param, tmp_path) as url,
-        open_site(Settings(content=ROOT, data=tmp_path, database_url=url, workers=0, **UNLIMITED)) as site,
+        open_site(Settings(data=tmp_path, database_url=url, workers=0, **UNLIMITED)) as site,
     ):
         yield site
 

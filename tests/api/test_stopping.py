@@ -54,7 +54,7 @@ def site(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     folder = tmp_path_factory.mktemp("stopping")
     with (
         database_url(request.param, folder) as url,
-        open_site(Settings(content=ROOT, data=folder, database_url=url, workers=2)) as site,
+        open_site(Settings(data=folder, database_url=url, workers=2)) as site,
         ThreadPoolExecutor(2) as pool,
     ):
         list(pool.map(assert_graded, (site.client("ida"), site.client("jan"))))  # both processes have the content now
@@ -154,7 +154,7 @@ def test_of_two_who_stop_at_once_one_is_refused(site: Site) -> None:
 
 
 def test_a_run_that_ends_by_itself_meanwhile_keeps_its_verdict(tmp_path: Path) -> None:
-    with open_site(Settings(content=ROOT, data=tmp_path, workers=0)) as idle, ThreadPoolExecutor(1) as pool:
+    with open_site(Settings(data=tmp_path, workers=0)) as idle, ThreadPoolExecutor(1) as pool:
         ann, database = idle.client("ann"), idle.app.state.services.database
         made = handed_in(ann, GOOD)
         answers: list[Future[httpx.Response]] = []

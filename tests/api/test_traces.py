@@ -85,9 +85,8 @@ def site(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mon
     """A server with the lesson and a jail; the command line works on the same database."""
     with database_url(request.param, tmp_path) as url:
         monkeypatch.setenv("GRADER_DATABASE_URL", url)
-        monkeypatch.setenv("GRADER_CONTENT", str(ROOT))
         unlimited: Any = {"rate_per_s": 1e6, "rate_burst": 10**6, "queue_per_user": 100}
-        with open_site(Settings(database_url=url, content=ROOT, workers=1, **unlimited)) as site:
+        with open_site(Settings(database_url=url, workers=1, **unlimited)) as site:
             yield site
 
 

@@ -60,7 +60,7 @@ def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def lesson(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with open_site(Settings(content=ROOT, data=tmp_path_factory.mktemp("lesson"), workers=1)) as site:
+    with open_site(Settings(data=tmp_path_factory.mktemp("lesson"), workers=1)) as site:
         yield site
 
 

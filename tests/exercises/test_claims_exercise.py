@@ -41,7 +41,7 @@ CLAIMS = load_kinds()["claims"]
 
 @pytest.fixture(scope="module")
 def pipeline() -> Iterator[Pipeline]:
-    library = load_content()
+    library = load_content(QUIZ)
     with Jail(library.root / "models", workers=2, allow_t2=True) as jail:
         yield Pipeline(library, jail.run)
 

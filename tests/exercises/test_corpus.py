@@ -61,7 +61,7 @@ PROGRAMS = [program for program in sorted(CORPUS.glob("*/*.py")) if status_of(pr
 
 @pytest.fixture(scope="module")
 def pipeline() -> Iterator[Pipeline]:
-    library = load_content()
+    library = load_content("1.3-exercises")
     with Jail(library.root / "models", allow_t2=True) as jail:
         yield Pipeline(library, jail.run)
 

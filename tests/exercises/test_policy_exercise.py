@@ -45,7 +45,7 @@ SEED = 7
 
 @pytest.fixture(scope="module")
 def pipeline() -> Iterator[Pipeline]:
-    library = load_content()
+    library = load_content(QUIZ)
     with Jail(library.root / "models", workers=2) as jail:
         yield Pipeline(library, jail.run)
 

@@ -153,7 +153,7 @@ def test_an_answer_may_be_an_onnx_file() -> None:
 @pytest.mark.jail
 @pytest.mark.slow
 def test_an_onnx_file_of_a_right_policy_is_correct() -> None:
-    library = load_content()
+    library = load_content(QUIZ)
     paths = sorted((ROOT / "reference_solutions" / QUIZ).glob("*/correct__*.npz"))
     graded = {}
     with Jail(library.root / "models", workers=1) as jail:

@@ -62,7 +62,7 @@ def test_due_dates_lie_around_now() -> None:
 @pytest.mark.jail
 @pytest.mark.slow
 def test_the_verdicts_are_those_of_the_judge_and_nothing_is_mixed(tmp_path: Path) -> None:
-    settings = Settings(data=tmp_path / "data", cache=tmp_path / "cache", workers=1)
+    settings = Settings(data=tmp_path / "data", workers=1)
     said: list[str] = []
     filled = fill_demo(settings, said.append, learners=2, seed=3, now=NOW)
     database = Database(settings.database)

@@ -11,7 +11,7 @@ from grader.settings import Settings
 from grader.store.tables import Submission
 from support.clusters import replicated
 from support.queue_kills import hand_in, verdicts_of, wait_for
-from support.sites import ROOT, open_site
+from support.sites import open_site
 
 pytestmark = [pytest.mark.postgres, pytest.mark.process, pytest.mark.jail, pytest.mark.slow]
 
@@ -55,7 +55,7 @@ class Learner:
 
 def test_a_promoted_replica_has_every_acknowledged_answer_once() -> None:
     with replicated() as pair:
-        settings = Settings(content=ROOT, database_url=pair.url, workers=1, rate_per_s=1e5, rate_burst=100_000)
+        settings = Settings(database_url=pair.url, workers=1, rate_per_s=1e5, rate_burst=100_000)
         with open_site(settings) as site:
             with Learner(site.client("ann")) as ann:
                 ann.wait_for_more(20)

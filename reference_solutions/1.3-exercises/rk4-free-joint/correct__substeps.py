@@ -1,4 +1,4 @@
-"""Eight substeps of the formula of Dormand and Prince: so near to the motion that no order shows."""
+"""Four substeps of the formula of Dormand and Prince: so near to the motion that no order shows."""
 import mujoco
 import numpy as np
 
@@ -25,7 +25,7 @@ def qpos_rate(model, q, v):
     return rate
 
 
-SUBSTEPS = 8
+SUBSTEPS = 4
 
 
 def rk4_step(model, data):

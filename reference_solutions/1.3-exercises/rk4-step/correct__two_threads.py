@@ -1,4 +1,4 @@
-"""Asks for accelerations on two scratch copies at once, then steps by the classical method."""
+"""Asks for accelerations on a scratch copy at the same time, then steps by the classical method."""
 from concurrent.futures import ThreadPoolExecutor
 import mujoco
 
@@ -9,8 +9,7 @@ def rk4_step(model, data):
     h = model.opt.timestep
     t0, q0, v0, act0 = data.time, data.qpos.copy(), data.qvel.copy(), data.act.copy()
 
-    scratch = [mujoco.MjData(model), mujoco.MjData(model)]
-    list(POOL.map(lambda other: mujoco.mj_forward(model, other), scratch))
+    list(POOL.map(lambda one: mujoco.mj_forward(model, one), [data, mujoco.MjData(model)]))
 
     def slope(q, v, act, t):
         data.qpos[:], data.qvel[:], data.act[:], data.time = q, v, act, t

@@ -8,11 +8,8 @@ def is_stable(model, integrator, h):
     model.opt.integrator, model.opt.timestep = integrator, h
     data = mujoco.MjData(model)
     data.qpos[0] = 1.0
-    for _ in range(round(3 / h)):
-        mujoco.mj_step(model, data)
-        if any(warning.number for warning in data.warning):
-            return False
-    return True
+    mujoco.mj_step(model, data, round(3 / h))
+    return not any(warning.number for warning in data.warning)
 
 
 def largest_stable_timestep(model, integrator):

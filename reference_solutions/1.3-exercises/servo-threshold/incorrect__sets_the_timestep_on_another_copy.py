@@ -13,9 +13,7 @@ def survives(model, integrator, h):
     data.qpos[0] = 1.0
     while data.time < 3.0:
         mujoco.mj_step(model, data)
-        if any(w.number for w in data.warning):
-            return False
-    return True
+    return not any(w.number for w in data.warning)
 
 
 def largest_stable_timestep(model, integrator):

@@ -9,7 +9,7 @@ def stable(model, h):
     model.opt.timestep = h
     data = mujoco.MjData(model)
     data.qpos[0] = 1.0
-    for _ in range(round(3 / h)):
+    for _ in range(round(0.3 / h)):
         mujoco.mj_step(model, data)
         if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
             return False
