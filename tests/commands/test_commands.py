@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 from datetime import UTC, datetime
+from io import StringIO
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -334,6 +335,27 @@ def test_an_extension_is_given_and_taken_back(tmp_path: Path) -> None:
     assert extend().returncode == 0
     assert kept() == {}
     database.close()
+
+
+class Terminal(StringIO):
+    """What a person types."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_who_erases_in_a_terminal_is_asked_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def erase(name: str, *options: str, typed: str = "") -> subprocess.CompletedProcess[str]:
+        monkeypatch.setattr(sys, "stdin", Terminal(typed))
+        return grader("erase", "--user", name, "--data", str(tmp_path), *options)
+
+    assert all(grader("invite", name, "--data", str(tmp_path)).returncode == 0 for name in ("ada", "bob"))
+    for typed in ("n\n", "\n"):
+        kept = erase("ada", typed=typed)
+        assert (kept.returncode, "Erase ada, " in kept.stdout + kept.stderr) == (1, True)
+    assert erase("nobody").returncode == 2  # before a question
+    assert erase("ada", typed="y\n").returncode == erase("bob", "--yes").returncode == 0
+    assert erase("ada", "--yes").returncode == 2  # gone
 
 
 def test_the_document_of_another_grader_has_the_same_exit_codes() -> None:

@@ -3,6 +3,7 @@
 `grader backup | migrate | prune | erase | export | rotate-secret | deliveries | replay`.
 """
 
+import sys
 from datetime import timedelta
 from pathlib import Path
 from typing import Annotated
@@ -60,12 +61,17 @@ def erase(
     member_id: Annotated[str | None, typer.Option("--id", help="Any learner, by the id of the member.")] = None,
     course: Course = None,
     data: Data = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask; a script is not asked either.")] = False,
 ) -> None:
     """Erase a learner's name, answers, sessions and tokens for good. Points stay, under the name that is printed."""
-    from grader.courses.people.erasure import erase_learner
+    from grader.courses.people.erasure import erase_learner, find_member
 
     require_one(user, member_id)
     with open_database(data) as database:
+        if sys.stdin.isatty() and not yes:
+            with database.read() as session:
+                member = find_member(session, course, user, member_id)
+            typer.confirm(f"Erase {member.name}, {member.id}, and all answers for good?", abort=True)
         with database.write() as session:
             name = erase_learner(database, session, user=user, member_id=member_id, course=course)
         database.empty_log()

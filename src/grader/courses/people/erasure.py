@@ -18,7 +18,7 @@ def erase_learner(
     """Erases the learner with this name, given by an instructor or operator, or with this id. Returns the new name. It
     cannot be undone. Raises NotFound, Unprocessable for somebody who is no student, and Conflict while an answer of the
     learner waits for the grader."""
-    member = find_member(session, course or DEFAULT_COURSE, user, member_id)
+    member = find_member(session, course, user, member_id)
     if member.role != Role.STUDENT:
         raise Unprocessable(f"{member.name} is no student: change the role first, or remove the member.")
     database.lock_learner(session, member.course, member.id)
@@ -29,8 +29,10 @@ def erase_learner(
     return name
 
 
-def find_member(session: Session, course: str, user: str | None, member_id: str | None) -> Member:
-    """Returns the member of this name or id; a removed one too. Raises NotFound."""
+def find_member(session: Session, course: str | None, user: str | None, member_id: str | None) -> Member:
+    """Returns the member of this name or id, of the default course without another; a removed one too. Raises
+    NotFound."""
+    course = course or DEFAULT_COURSE
     member = session.get(Member, member_id) if member_id else people.find_with_account(session, course, f"name:{user}")
     if member is None or member.course != course:
         raise NotFound(

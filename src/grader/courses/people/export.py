@@ -11,7 +11,6 @@ from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import Action, record
 from grader.courses.people.erasure import find_member
-from grader.courses.people.identity import DEFAULT_COURSE
 from grader.errors import Conflict
 from grader.store.upkeep.holdings import gather_holdings
 
@@ -23,7 +22,7 @@ def export_learner(
 ) -> dict[str, str]:
     """Returns the files that hold everything about the member with this name or id, by their paths. Raises NotFound.
     The source of a script is a file of its own, which `script` in the document names."""
-    member = find_member(session, course or DEFAULT_COURSE, user, member_id)
+    member = find_member(session, course, user, member_id)
     held = gather_holdings(session, member)
     files: dict[str, str] = {}
     for submission in held["submissions"]:
