@@ -55,6 +55,15 @@ def test_seconds_for_milliseconds() -> None:
         (5, "ms", "1", "is off by a factor of 5: look"),
         (5, "ms", "100", "is off by a factor of 20: look"),
         (5, "ms", "0.1", "is off by a factor of 50: look"),
+        (19.62, "N", "2", "is off by a factor of about 9.8: look for gravity, 9.81 m/s², or pi²"),
+        (58.86, "J", "577", "is off by a factor of about 9.8"),
+        (9.8696, "N/m", "1", "is off by a factor of about 9.8"),
+        (4.905, "m", "1", "is off by a factor of about 4.9 or 19.6"),
+        (19.62, "N", "196.2", "is off by a power of ten (a factor of 10): check"),
+        (10, "rad/s", "100", "is off by a power of ten (a factor of 10), or is the square of what is asked"),
+        (20, "rad/s", "400", "is the square of what is asked: look for a square root that is missing"),
+        (1.5, None, "1.2247", "is the square root of what is asked"),
+        (1.5915, "Hz", "10", "is off by a factor of 2 pi: frequency in Hz and angular frequency in rad/s differ by it"),
     ],
 )
 def test_known_slips(answer: float, unit: str | None, given: str, told: str) -> None:

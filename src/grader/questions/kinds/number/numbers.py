@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from grader.domain.pages.markup import quoted
 from grader.errors import InvalidAnswer
 
+PI = r"(?:(?:np|numpy|[Mm]ath)\.|M_)?(?:pi|Pi|PI|π)(?![A-Za-z])"
 NUMBER = re.compile(
-    r"""
+    rf"""
     (?P<sign>[+-]?)\ ?
     (?:
         10\ ?(?:\^|\*\*)\ ?(?P<p>\()?(?P<power>[+-]?[0-9]+)(?(p)\))
@@ -20,8 +21,8 @@ NUMBER = re.compile(
           | (?:\ ?[*xX]\ ?|\ )(?P<open>\()?10\ ?(?:\^|\*\*)\ ?(?P<s>\()?(?P<scale>[+-]?[0-9]+)(?(s)\))(?(open)\))
         )?
     )?
-    (?:\ ?\*?\ ?(?:(?:np|numpy|[Mm]ath)\.|M_)?(?P<pi>pi|Pi|PI|π)(?![A-Za-z]))?
-    (?:\ ?/\ ?(?P<over>[0-9]+(?:\.[0-9]*)?)(?![0-9.,]))?
+    (?:\ ?\*?\ ?(?P<pi>{PI}))?
+    (?:\ ?/\ ?(?:(?P<over>[0-9]+(?:\.[0-9]*)?)(?![0-9.,])|(?P<over_pi>{PI})))?
     """,
     re.VERBOSE,
 )
@@ -48,7 +49,8 @@ BOUND_AFTER = re.compile(
 """The end of `5 ms or less`."""
 UNCERTAIN = re.compile(r"±|\+/?-")
 LOST_POWER = re.compile(r"[0-9] ?[*xX] ?10(?:-[0-9]|[1-9](?![0-9.,]))")
-FACTOR = re.compile(r" ?([*/]) ?(?=[0-9.(])")
+FACTOR = re.compile(rf" ?([*/]) ?(?=[0-9.(]|{PI})")
+PI_NEXT = re.compile(rf" ?{PI}")
 FACTORS_MAX = 8
 DATE = re.compile(r"[0-9]+ ?/ ?[0-9]+ ?/ ?[0-9]+(?![0-9.,])")
 CALCULATION = re.compile(
@@ -78,12 +80,23 @@ def read_number(text: str) -> TypedNumber:
         inner = read_number(match[2].strip())
         if inner.rest:
             raise build_refusal(text, text, f"{quoted(text)} does not begin with a number")
-        first = TypedNumber(-inner.value if match[1] == "-" else inner.value, text[match.end() :].strip())
-        return multiply(first, text)
+        value, rest = -inner.value if match[1] == "-" else inner.value, text[match.end() :].strip()
+        if times_pi := PI_NEXT.match(rest):
+            value, rest = value * math.pi, rest[times_pi.end() :].strip()
+        return multiply(TypedNumber(value, rest), text)
     match = NUMBER.match(text)
     if match is None or not (match["mantissa"] or match["power"] or match["whole"] or match["pi"]):
         raise build_refusal(text, text, f"{quoted(text)} does not begin with a number")
+    check_order(match, text)
     return multiply(TypedNumber(_value_of(match, text), text[match.end() :].strip()), text)
+
+
+def check_order(match: re.Match[str], text: str) -> None:
+    """Raise InvalidAnswer where pi follows a fraction, as in `10/2pi`: it may belong above or below."""
+    if match["over"] and PI_NEXT.match(match.string, match.end()):
+        above = match[0].rpartition("/")[0].strip()
+        one, other = quoted(f"{above}/{match['over']}*pi"), quoted(f"{above}/({match['over']}*pi)")
+        raise InvalidAnswer(f"{quoted(text)} can mean {one} or {other}: type one of these two, or your number.")
 
 
 def multiply(first: TypedNumber, text: str) -> TypedNumber:
@@ -113,7 +126,8 @@ def _read_factor(match: re.Match[str] | None, text: str) -> float:
         inner = read_number(match[2].strip())
         if not inner.rest:
             return inner.value
-    elif match is not None and (match["mantissa"] or match["power"]):
+    elif match is not None and (match["mantissa"] or match["power"] or match["pi"]):
+        check_order(match, text)
         return _value_of(match, text)
     raise InvalidAnswer(f"{quoted(text)} is a calculation: type its result.")
 
@@ -151,6 +165,8 @@ def _value_of(match: re.Match[str], text: str) -> float:
         if float(match["over"]) == 0:
             raise InvalidAnswer(f"{quoted(text)} divides by zero: type a finite number.")
         value /= float(match["over"])
+    if match["over_pi"]:
+        value /= math.pi
     return check_finite(-value if match["sign"] == "-" else value, text)
 
 

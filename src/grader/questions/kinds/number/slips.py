@@ -2,7 +2,7 @@
 do not reveal it."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -10,9 +10,26 @@ from grader.domain.verdict import Finding
 from grader.errors import InvalidAnswer
 from grader.questions.answer_keys import NumberKey
 from grader.questions.kinds.number.quantities import Quantity, format_number
-from grader.questions.kinds.number.units import FAMILIES, Unit, convert, from_base_units, known_unit, write_symbols
+from grader.questions.kinds.number.units import (
+    FAMILIES,
+    Rotation,
+    Unit,
+    convert,
+    from_base_units,
+    known_unit,
+    write_symbols,
+)
 
 DECADES_MAX = 12
+GRAVITIES = (9.81, math.pi**2)
+"""Factors that a power of ten is told from where a number is nearer to them, as 2 is for a weight of 19.62 N."""
+FACTOR_OFF_MAX = 0.006
+"""Largest relative difference from such a factor: not quite half the way from pi² to 10."""
+NEAR_MAX = 0.02
+"""Largest relative difference from a factor such as 50 that is named."""
+APART_MIN = 6.0
+"""How many tolerances a number is from the answer at least, to be called its reciprocal, square or root: near 1 any of
+the three is within the tolerance."""
 BROADEST_TOLERANCE = 0.1
 """Largest tolerance relative to |answer| at which slips are sought; within a wider one many slips match by chance."""
 
@@ -75,6 +92,16 @@ SIGN = Slip("has the wrong sign", "check whether it can be negative at all, and 
 TWO = Slip("is off by a factor of two", "look for a factor that is missing or counted twice")
 ANGLE = Slip("mixes up degrees and radians", "convert the angle")
 RECIPROCAL = Slip("is the reciprocal of what is asked", "swap numerator and denominator")
+SQUARE = Slip("is the square of what is asked", "look for a square root that is missing")
+ROOT = Slip("is the square root of what is asked", "look for a square root that is one too many")
+GRAVITY = Slip(
+    "is off by a factor of about 9.8", "look for gravity, 9.81 m/s², or pi² that is missing or counted twice"
+)
+GRAVITY_AND_TWO = Slip(
+    "is off by a factor of about 4.9 or 19.6",
+    "look for gravity, 9.81 m/s², or pi² that is missing or counted twice, and for a factor of two",
+)
+TURNS = Slip("is off by a factor of 2 pi", "frequency in Hz and angular frequency in rad/s differ by it")
 SIGN_AND_TWO = Slip("has the wrong sign and is off by a factor of two", "check the signs first, then the factors")
 
 
@@ -83,23 +110,30 @@ def _ten(power: int, seen: str = "") -> Slip:
     return Slip(f"{seen}is off by a power of ten (a factor of {factor})", "check the exponents and the unit prefixes")
 
 
-def _two_and_ten(ratio: float) -> Slip:
-    """Returns the slip of a factor such as 5, 20 or 50: it may be one of 5, or one of 2 and one of 10."""
+def _two_and_ten(ratio: float) -> Iterator[Slip]:
+    """Yields the slip of a factor such as 5, 20 or 50: it may be one of 5, or one of 2 and one of 10."""
     factor = max(ratio, 1 / ratio)
     decade = 10.0 ** math.floor(math.log10(factor) + 0.15)
     nearest = min((2 * decade, 5 * decade, decade / 2), key=lambda each: abs(math.log(each / factor)))
-    seen = f"is off by a factor of {format_number(nearest)}"
-    return Slip(seen, "look for a factor that is missing or counted twice, and check the unit prefixes")
+    if abs(math.log(nearest / factor)) < NEAR_MAX:
+        seen = f"is off by a factor of {format_number(nearest)}"
+        yield Slip(seen, "look for a factor that is missing or counted twice, and check the unit prefixes")
 
 
 def find_slip(given: Quantity, key: NumberKey) -> str | None:
     """Return one sentence with the slip and its cure; None where no known slip explains the number."""
-    if given.value == 0 or key.tolerance > BROADEST_TOLERANCE * abs(key.answer):
+    if given.value == 0 or key.tolerance >= abs(key.answer):
         return None
+    if key.tolerance > BROADEST_TOLERANCE * abs(key.answer):
+        return write_sentence([SIGN] if is_right(-given.value, key) else [])
     wanted = known_unit(given.unit) if given.unit else None
     if wanted and (other := _other_unit(given, wanted, key)):
         return _unit_slip(given, wanted, other)
-    slips = list(_single_slips(given, wanted, key)) or list(_double_slips(given.value, key))
+    return write_sentence(list(_single_slips(given, wanted, key)) or list(_double_slips(given.value, key)))
+
+
+def write_sentence(slips: Sequence[Slip]) -> str | None:
+    """Return the sentence of one slip, or of two that are possible; None for more, which would be a guess."""
     if not 0 < len(slips) <= SLIPS_MAX:
         return None
     seen, cure = (", or ".join(parts) for parts in ([slip.seen for slip in slips], [slip.cure for slip in slips]))
@@ -149,16 +183,29 @@ def _single_slips(given: Quantity, wanted: Unit | None, key: NumberKey) -> Itera
     value = given.value
     if is_right(-value, key):
         yield SIGN
-    if is_right(2 * value, key) or is_right(value / 2, key):
-        yield TWO
-    if power := _power_of_ten(value, key):
-        yield _ten(power)
+    yield from _factor_slips(value, wanted, key)
     if (wanted is None or wanted.radians) and (
         is_right(math.degrees(value), key) or is_right(math.radians(value), key)
     ):
         yield ANGLE
     if _is_reciprocal(given, wanted, key):
         yield RECIPROCAL
+    if value > 0 and is_apart(value, key):
+        if is_right(math.sqrt(value), key):
+            yield SQUARE
+        if is_right(value * value, key):
+            yield ROOT
+
+
+def _factor_slips(value: float, wanted: Unit | None, key: NumberKey) -> Iterator[Slip]:
+    if is_right(2 * value, key) or is_right(value / 2, key):
+        yield TWO
+    if is_off_by(GRAVITIES, value, key):
+        yield GRAVITY
+    elif power := _power_of_ten(value, key):
+        yield _ten(power)
+    if wanted and wanted.rotation in (Rotation.CYCLES, Rotation.TURNS) and is_off_by((math.tau,), value, key):
+        yield TURNS
 
 
 def _double_slips(value: float, key: NumberKey) -> Iterator[Slip]:
@@ -166,8 +213,29 @@ def _double_slips(value: float, key: NumberKey) -> Iterator[Slip]:
         yield SIGN_AND_TWO
     if power := _power_of_ten(-value, key):
         yield _ten(power, seen="has the wrong sign and ")
-    if _power_of_ten(2 * value, key) or _power_of_ten(value / 2, key):
-        yield _two_and_ten(key.answer / value)
+    if is_off_by(GRAVITIES, 2 * value, key) or is_off_by(GRAVITIES, value / 2, key):
+        yield GRAVITY_AND_TWO
+    elif _power_of_ten(2 * value, key) or _power_of_ten(value / 2, key):
+        yield from _two_and_ten(key.answer / value)
+
+
+def compare_logarithms(value: float, key: NumberKey) -> float:
+    """Returns the logarithm of the factor between a number and the answer; 0 for another sign, or none."""
+    if value == 0 or (value > 0) is not (key.answer > 0):
+        return 0.0
+    return abs(math.log(abs(value)) - math.log(abs(key.answer)))
+
+
+def is_apart(value: float, key: NumberKey) -> bool:
+    """Whether a number of the answer's sign is far enough from it to be told from its powers."""
+    return compare_logarithms(value, key) > APART_MIN * key.tolerance / abs(key.answer)
+
+
+def is_off_by(factors: Sequence[float], value: float, key: NumberKey) -> bool:
+    """Whether the number times or through one of these factors is the answer: within its tolerance, and nearly."""
+    ratio = compare_logarithms(value, key)
+    near = any(abs(ratio - math.log(factor)) < FACTOR_OFF_MAX for factor in factors)
+    return near and any(is_right(value * factor, key) or is_right(value / factor, key) for factor in factors)
 
 
 def _power_of_ten(value: float, key: NumberKey) -> int | None:
@@ -183,7 +251,7 @@ def _power_of_ten(value: float, key: NumberKey) -> int | None:
 
 def _is_reciprocal(given: Quantity, wanted: Unit | None, key: NumberKey) -> bool:
     """Whether the number is the reciprocal of the answer, also in base units: 200 for 5 ms."""
-    if is_right(1 / given.value, key):
+    if is_apart(given.value, key) and is_right(1 / given.value, key):
         return True
     if wanted is None or (given.typed_unit is not None and given.typed_unit.powers != wanted.powers):
         return False

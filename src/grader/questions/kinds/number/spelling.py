@@ -76,7 +76,7 @@ def without_markup(text: str) -> str:
 def _without_tex(text: str) -> str:
     """Turn TeX into plain text. Braces become spaces: `5{6}` does not become 56."""
     text = text.replace("{,}", ",").replace("~", " ")
-    text = TEX_FRACTION.sub(r"(\1\2/\3\4)", TEX_FONT.sub(_tex_font, text))
+    text = TEX_FRACTION.sub(_tex_fraction, TEX_FONT.sub(_tex_font, text))
     text = TEX_COMMAND.sub(_tex_command, text)
     text = TEX_RAISED.sub(r"\1\2 ", text).replace("{", " ").replace("}", " ")
     return MICRO.sub("μ", text).replace("^° ", "°").replace("^°", "°")
@@ -84,6 +84,11 @@ def _without_tex(text: str) -> str:
 
 def _tex_font(match: re.Match[str]) -> str:
     return f"{match[1]}{{{match[2]}}}" if match[1] else f" {match[2]} "
+
+
+def _tex_fraction(match: re.Match[str]) -> str:
+    above, below = match[1] or match[2] or "", match[3] or match[4] or ""
+    return f"({above})/({below})" if r"\pi" in below else f"({above}/{below})"
 
 
 def _tex_command(match: re.Match[str]) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 SPELLINGS: Mapping[str, str] = {
     "°": "degree", "°C": "degree_Celsius", "°F": "degree_Fahrenheit", "%": "percent", "‰": "permille",
     **dict.fromkeys(["Kg", "KG", "kgs"], "kilogram"), **dict.fromkeys(["r", "tr", "U"], "turn"), "Grad": "degree",
-    "Mhz": "megahertz",
+    "Mhz": "megahertz", **dict.fromkeys(["amp", "amps", "Amp", "Amps"], "ampere"),
 }  # fmt: skip
 """Names that pint does not know or reads as another unit. `Grad` is the German noun for a degree, and `r/min`, `tr/min`
 and `U/min` are revolutions per minute in ISO 80000, French and German."""
@@ -62,6 +62,7 @@ JOINED: Mapping[str, tuple[str, ...]] = {
     for names in (
         *((force, length) for force in ("N", "kN", "mN") for length in ("m", "mm", "cm")),
         *((force, "m", "s") for force in ("N", "kN", "mN")),
+        *((unit, "s") for unit in ("N", "kN", "mN", "V", "mV", "A", "mA", "Pa", "kPa", "mPa", "W", "kW")),
         *((mass, length) for mass in ("kg", "Kg", "g") for length in ("m", "cm", "mm")),
     )
     if names != ("g", "m")

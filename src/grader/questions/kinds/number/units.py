@@ -87,6 +87,10 @@ SECONDS, MILLISECONDS = (("second", 1),), (("millisecond", 1),)
 COMMON_FACTORS: dict[tuple[Powers, Powers], float] = {(SECONDS, MILLISECONDS): 1000.0, (MILLISECONDS, SECONDS): 0.001}
 """Factors that most content of this course needs, with the bits of pint: they spare a start the time that it takes."""
 
+PER_MINUTE: Powers = (("minute", -1),)
+"""`1/min`, in which Europe writes revolutions per minute."""
+REVOLUTIONS_PER_MINUTE: Powers = (("revolutions_per_minute", 1),)
+
 UNCLEAR = frozenset(frozenset(pair) for pair in ((Rotation.CYCLES, Rotation.ANGLE), (Rotation.TURNS, Rotation.NONE)))
 """Conversions with two readings: `1 Hz` can mean 1 or 2 pi rad/s, and `1 rpm` 1 or 2 pi per minute."""
 
@@ -249,6 +253,8 @@ def convert(value: float, given: Unit, wanted: Unit) -> float:
         return value
     if (known := COMMON_FACTORS.get((given.powers, wanted.powers))) is not None:
         return value * known
+    if (given.powers, wanted.powers) == (PER_MINUTE, REVOLUTIONS_PER_MINUTE):
+        return value
     from pint import PintError
 
     try:
@@ -257,7 +263,8 @@ def convert(value: float, given: Unit, wanted: Unit) -> float:
     except (PintError, OverflowError, ZeroDivisionError) as error:
         case = " (small and capital letters differ)" if given.text.casefold() == wanted.text.casefold() else ""
         raise InvalidAnswer(f"{quoted(given.text)} does not measure what is asked{case}") from error
-    if {given.rotation, wanted.rotation} in UNCLEAR:
+    is_speed = given.powers == PER_MINUTE and wanted.rotation is Rotation.ANGLE
+    if is_speed or {given.rotation, wanted.rotation} in UNCLEAR:
         raise InvalidAnswer(f"{quoted(given.text)} counts rotation in another way than is asked")
     if given.rotation is Rotation.TURNS and wanted.rotation is Rotation.CYCLES:
         converted /= math.tau**given.radians
