@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import mujoco
 import pytest
 
 from grader.domain.lab import SimLab, UnknownLab
@@ -11,6 +12,8 @@ from grader.labs import lab_adapter
 from grader.labs.kinds.integrators import check_integrators
 from grader.labs.kinds.integrators.comparison import run_integrators
 from grader.labs.kinds.integrators.lab import IntegratorsLab
+from grader.numerics.integrators import INTEGRATORS
+from grader.numerics.scene import Scene
 from grader.questions import Quiz
 
 ROOT = Path(__file__).parents[2]
@@ -31,6 +34,20 @@ def test_all_five_run_from_one_state_and_the_single_step_methods_agree_bitwise()
     assert runs["implicitfast"].energy_error.tobytes() == runs["discrete"].energy_error.tobytes() == euler
     assert abs(runs["RK4"].energy_error[-1]) < 0.01
     assert all(run.cost_us > 0 and run.energy_error[0] == 0 for run in shown.runs)
+
+
+@pytest.mark.parametrize("steps", [1, 7])
+def test_the_energy_is_that_of_the_state_at_the_end(steps: int) -> None:
+    lab, h = lesson_lab(), 0.02
+    shown = run_integrators(lab, XML["double_pendulum"], timestep=h, seconds=steps * h)
+    for run, integrator in zip(shown.runs, INTEGRATORS, strict=True):
+        scene = Scene.from_xml(XML["double_pendulum"], key=lab.key)
+        with scene.borrow(timestep_s=h, integrator=integrator.code) as workspace:
+            workspace.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+            mujoco.mj_step(workspace.model, workspace.data, steps)
+            mujoco.mj_forward(workspace.model, workspace.data)
+            assert run.energy_j[-1] == workspace.data.energy.sum()
+        assert run.energy_error[-1] != 0
 
 
 def test_the_lesson_s_table_comes_out_within_the_band_that_chaos_leaves() -> None:

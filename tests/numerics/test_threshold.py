@@ -1,5 +1,7 @@
 """The largest stable timestep: simulated, linearised and in closed form."""
 
+import math
+
 import mujoco
 import numpy as np
 import pytest
@@ -215,3 +217,16 @@ def test_a_scan_in_no_steps_is_refused(scan_step_s: float) -> None:
 def test_the_closed_form_does_not_cancel() -> None:
     """With kp << kv the damper alone counts: 2 I / kv."""
     assert Servo(1.0, 1e-9, 1e3).euler_s == pytest.approx(2e-3, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "numbers", [(1, -2, 1, 3), (1, 1, -1, 0), (1, 1, 1, -1), (math.inf, 1, 1, 0), (1, math.inf, 1, 0)]
+)
+def test_the_closed_forms_hold_for_a_spring_that_pulls_back(numbers: tuple[float, float, float, float]) -> None:
+    """MuJoCo's discrete integrator treats a spring implicitly, and one that pushes explicitly."""
+    with pytest.raises(ValueError, match="the closed forms need"):
+        Servo(*numbers)
+
+
+def test_without_a_spring_the_lessons_bound_is_none() -> None:
+    assert Servo(1.0, 0.0, 1.0, 2.0).bound_s == math.inf

@@ -92,7 +92,8 @@ ACCEPTED: list[tuple[float, str | None, list[str]]] = [
         "200 cycles per second", "12000 revolutions per minute", "f = 200 Hz", "200 1/sec",
         "200/sec", "200 Hz.",
     ]),
-    (12000, "rpm", ["12000", "12000 rpm", "200 Hz", "0.2 kHz", "200 rev/s", "400π rad/s", "12000 1/min", "12000 min^-1"]),
+    (12000, "rpm", ["12000", "12000 rpm", "200 Hz", "0.2 kHz", "200 rev/s", "400π rad/s"]),
+    (12000, "rpm", ["12000 1/min", "12000 min^-1", "12000/min"]),
     (180 / math.pi, "deg", [
         "180/pi", "180 / pi", "180/π", "180*1/pi", "180/(pi)", "360/(2*pi)", "180/np.pi", "180/pi deg", "180/π deg",
         r"\frac{180}{\pi}", r"$\frac{360}{2\pi}$",

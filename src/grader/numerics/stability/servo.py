@@ -1,7 +1,7 @@
 """Closed forms of the linear stability limit of I q'' = -K q - c q', a joint held by a position servo."""
 
 from dataclasses import dataclass
-from math import inf, sqrt
+from math import inf, isfinite, sqrt
 
 import numpy as np
 
@@ -10,7 +10,7 @@ import numpy as np
 class Servo:
     """A servo: inertia I [kg m2], gains kp [N m/rad] and kv [N m s/rad], stiffness m g L [N m/rad] of gravity at rest.
     Source of the limits: the Jury conditions of each integrator's one-step map, derived beside each. Raises ValueError
-    unless the joint is held (K = kp + m g L > 0) and not driven (kv >= 0)."""
+    unless the joint is held (K = kp + m g L > 0) and not driven (kp >= 0, kv >= 0), by finite numbers."""
 
     inertia: float
     kp: float
@@ -18,8 +18,9 @@ class Servo:
     gravity_stiffness: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (self.inertia > 0 and self.stiffness > 0 and self.kv >= 0):
-            raise ValueError("the closed forms need inertia > 0, kp + m g L > 0 and kv >= 0")
+        is_held = self.inertia > 0 and self.stiffness > 0 and self.kp >= 0 and self.kv >= 0
+        if not is_held or not all(map(isfinite, (self.inertia, self.kp, self.kv, self.gravity_stiffness))):
+            raise ValueError("the closed forms need inertia > 0, kp + m g L > 0, kp >= 0 and kv >= 0, all finite")
 
     @property
     def stiffness(self) -> float:
@@ -28,8 +29,8 @@ class Servo:
 
     @property
     def bound_s(self) -> float:
-        """The lesson's 2 sqrt(I / kp), which ignores the damper [s]."""
-        return 2 * sqrt(self.inertia / self.kp)
+        """The lesson's 2 sqrt(I / kp), which ignores the damper [s]; inf without a spring."""
+        return 2 * sqrt(self.inertia / self.kp) if self.kp else inf
 
     @property
     def euler_s(self) -> float:

@@ -62,9 +62,9 @@ def run_integrators(
 ) -> IntegratorsRun:  # fmt: skip
     """Run the scene `xml` (of `model`, the lab's own where not named) under all five integrators.
 
-    Energy is read as the lesson reads it: `data.energy` after each step, under RK4 derived again for the state. `key`
-    is a keyframe's name or index, "" for none (qpos0). Raises LabRefused for a model, timestep [s] or length [s] that
-    the lab does not offer, KeyError for an unknown keyframe, ValueError where the model does not compile.
+    The energy is that of the state at each time. `key` is a keyframe's name or index, "" for none (qpos0). Raises
+    LabRefused for a model, timestep [s] or length [s] that the lab does not offer, KeyError for an unknown keyframe,
+    ValueError where the model does not compile.
     """
     timestep = lab.timestep if timestep is None else timestep
     model, seconds = model or lab.model, lab.seconds if seconds is None else seconds
