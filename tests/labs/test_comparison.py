@@ -63,6 +63,8 @@ def test_model_key_and_timestep_can_be_changed() -> None:
     lab = lesson_lab()
     pendulum = run_integrators(lab, XML["pendulum"], model="pendulum", key="horizontal", timestep=0.01, seconds=2)
     assert pendulum.energy == pytest.approx(9.81, abs=1e-9)
+    assert run_integrators(lab, XML["pendulum"], model="pendulum", seconds=1).key == "horizontal"  # not at rest
+    assert run_integrators(lab, XML["pendulum"], model="pendulum", key="", seconds=1).key is None
     assert pendulum.runs[0].steps == 200
     finer = run_integrators(lab, XML["double_pendulum"], timestep=0.0005, seconds=2)
     coarse = run_integrators(lab, XML["double_pendulum"], seconds=2)

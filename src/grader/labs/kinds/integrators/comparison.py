@@ -62,16 +62,18 @@ def run_integrators(
 ) -> IntegratorsRun:  # fmt: skip
     """Run the scene `xml` (of `model`, the lab's own where not named) under all five integrators.
 
-    The energy is that of the state at each time. `key` is a keyframe's name or index, "" for none (qpos0). Raises
-    LabRefused for a model, timestep [s] or length [s] that the lab does not offer, KeyError for an unknown keyframe,
-    ValueError where the model does not compile.
+    The energy is that of the state at each time. `key` is a keyframe's name or index, "" for none (qpos0);
+    not given, it is the lab's own, or the first of another model, which may rest without one. Raises LabRefused for a
+    model, timestep [s] or length [s] that the lab does not offer, KeyError for an unknown keyframe, ValueError where
+    the model does not compile.
     """
     timestep = lab.timestep if timestep is None else timestep
     model, seconds = model or lab.model, lab.seconds if seconds is None else seconds
     check_setting(lab, model, timestep, seconds)
     scene = Scene.from_xml(xml)
     keys = scene.list_names(mujoco.mjtObj.mjOBJ_KEY)
-    key = lab.key if key is None and model == lab.model else key
+    if key is None:
+        key = lab.key if model == lab.model else 0 if keys else None
     index = None if key is None or key == "" else scene.find_id(mujoco.mjtObj.mjOBJ_KEY, key)
     scene = scene if index is None else scene.at(key=index)
     steps = round(seconds / timestep)
