@@ -100,7 +100,8 @@ def test_only_expected_tells_the_right_partner() -> None:
 
 @pytest.mark.parametrize(("answer", "why"), [
     ({}, '"damping" has no partner'), ({"1": "a", "2": "a", "3": "a"}, '"gain" has no partner'),
-    ({"1": "z"}, "has no partner: choose one of a, b, c"), ({"1": 0}, "has no partner"), ({"1": ["a"]}, "no partner"),
+    ({"1": "z"}, "has a partner that is none of the letters: choose one of a, b, c"), ({"1": 0}, "none of the letters"),
+    ({"1": ["a"]}, "none of the letters"),
     ({"5": "a"}, "such as"), (["a"], "such as"), ("a", "such as"), (None, "such as"), (True, "such as"),
 ])  # fmt: skip
 def test_what_cannot_be_read_says_why(answer: Any, why: str) -> None:

@@ -125,7 +125,8 @@ class Match(QuestionKind[MatchQuestion, Mapping[str, str]]):
             right = answer.get(left)
             if not isinstance(right, str) or right not in rights:
                 name = quoted(spoken_text(text))
-                raise InvalidAnswer(f"{name} has no partner: choose one of {', '.join(rights)} for it.")
+                what = "has no partner" if right is None else "has a partner that is none of the letters"
+                raise InvalidAnswer(f"{name} {what}: choose one of {', '.join(rights)} for it.")
         return {left: answer[left] for left in lefts}
 
     def describe(self, question: MatchQuestion, answer: Mapping[str, str]) -> str:

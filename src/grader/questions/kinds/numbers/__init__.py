@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
 from grader.domain.lab import LabConfig
-from grader.domain.pages.markup import plain_text
+from grader.domain.pages.markup import plain_text, quoted
 from grader.domain.plugins import Remark
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.domain.verify import Verify
@@ -152,7 +152,9 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
     def read(self, question: NumbersQuestion, answer: Any) -> Mapping[str, Quantity]:
         """Reads an object with a number or a text for every field. Names first what is wrong, then what is missing."""
         ids = [field.id for field in question.fields]
-        if not isinstance(answer, dict) or not answer.keys() <= set(ids):
+        if isinstance(answer, dict) and (unknown := list(answer.keys() - set(ids))):
+            raise InvalidAnswer(f"The answer has {quoted(min(unknown))}, which is not asked: give {', '.join(ids)}.")
+        if not isinstance(answer, dict):
             raise InvalidAnswer(f'The answer must be an object such as {{"{ids[0]}": "5"}}: give {", ".join(ids)}.')
         read = {field.id: _read_field(field, answer[field.id]) for field in question.fields if _is_given(field, answer)}
         for field in question.fields:
