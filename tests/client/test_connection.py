@@ -1,5 +1,6 @@
 """Requests of the client: refusals as sentences, waiting for a busy server, the sign-in with a code, and the token."""
 
+import json
 import os
 import stat
 import time
@@ -314,20 +315,63 @@ def test_an_answer_is_kept_without_a_connection_and_taken_once() -> None:
     with pytest.raises(Offline):
         outbox.deliver(connection, first)
     server.cut = False
-    sent = outbox.deliver_all(connection, of_others=False)
+    sent = outbox.deliver_all(connection)
     assert [submission["id"] for _, submission in sent] == [first.key]
     assert len(server.made) == 1
     assert not list(outbox.list_waiting(SITE))
     assert outbox.keep(connection, "q", "e", "x = 1\n").key != first.key  # a new attempt
 
 
-def test_an_answer_of_an_earlier_sign_in_is_sent_only_when_asked() -> None:
-    server, said = Server(), list[str]()
-    outbox.keep(connect(server.answer), "q", "e", "x = 1\n")
-    other = Connection(Account(SITE, "grt_fedcba9876543210_another"), said.append, httpx.MockTransport(server.answer))
-    assert outbox.deliver_all(other, of_others=False) == []
-    assert "earlier sign-in" in said[0]
-    assert len(outbox.deliver_all(other, of_others=True)) == 1
+def sign_in_as(server: Server, user: str | None, course: str | None, token: str) -> tuple[Session, list[str]]:
+    said: list[str] = []
+    account = Account(SITE, token, course, user)
+    return Session(said.append, httpx.MockTransport(server.answer), account), said
+
+
+@pytest.mark.parametrize(("user", "course"), [("bob", "robots"), ("ada", "walking"), (None, None)])
+def test_a_kept_answer_is_sent_by_its_owner_alone(user: str | None, course: str | None) -> None:
+    server = Server()
+    ada, _ = sign_in_as(server, "ada", "robots", TOKEN)
+    kept = outbox.keep(ada.connect(), "q", "e", "x = 1\n")
+    other, said = sign_in_as(server, user, course, "grt_fedcba9876543210_another")
+    assert other.sync() == []
+    assert outbox.keep(other.connect(), "q", "e", "x = 1\n").key != kept.key
+    assert said == [
+        "An answer of ada in the course robots to e waits here: it is sent once ada signs in.",
+        "Nothing of yours waits to be sent.",
+    ]
+    assert server.made == {}
+    again, _ = sign_in_as(server, "ada", "robots", "grt_00000000000000ff_renewed")
+    assert [answer.id for answer in again.sync()] == [kept.key]
+
+
+def test_a_kept_answer_whose_owner_is_not_known_is_sent_with_its_own_token_alone() -> None:
+    server = Server()
+    mine, _ = sign_in_as(server, None, None, TOKEN)
+    kept = outbox.keep(mine.connect(), "q", "e", "x = 1\n")
+    stored = json.loads(kept.path.read_text())
+    kept.path.write_text(json.dumps({name: stored[name] for name in stored if name not in ("user", "course")}))
+    for user in ("bob", None):
+        other, said = sign_in_as(server, user, user, "grt_fedcba9876543210_another")
+        assert other.sync() == []
+        assert "nobody knows whose it is: it is not sent. If it is yours, take its text from" in said[0]
+        assert str(kept.path) in said[0]
+    assert [answer.id for answer in mine.sync()] == [kept.key]
+
+
+def test_a_sign_in_says_whose_answers_wait() -> None:
+    def answer(request: httpx.Request) -> httpx.Response:
+        me = {"user": "ada", "course": "robots"} if request.url.path.endswith("/me") else {"items": []}
+        return httpx.Response(200, json=me)
+
+    for user in ("ada", "bob"):
+        outbox.keep(Connection(Account(SITE, "grt_0_old", "robots", user)), "q", "e", f"{user} = 1\n")
+    said: list[str] = []
+    Session(said.append, httpx.MockTransport(answer)).sign_in(SITE, TOKEN)
+    assert said[1:] == [
+        "Answers of yours wait to be sent: g.sync() sends them.",
+        "An answer of bob in the course robots to e waits here: it is sent once bob signs in.",
+    ]
 
 
 def test_a_refused_answer_is_forgotten_and_one_without_a_token_is_kept() -> None:

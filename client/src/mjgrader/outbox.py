@@ -8,7 +8,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from mjgrader.accounts import find_folder, write_private
+from mjgrader.accounts import Account, find_folder, write_private
 from mjgrader.connection import Connection
 from mjgrader.errors import Offline, Refusal, SignInAgain
 
@@ -16,7 +16,8 @@ from mjgrader.errors import Offline, Refusal, SignInAgain
 @dataclass(frozen=True)
 class Waiting:
     """An answer that the server has not confirmed: a script or model, or a file in base64, under the name `form`.
-    `account` tells whose token it was to be sent with."""
+    `account` tells whose token it was to be sent with, `user` and `course` whose answer it is, which answers of earlier
+    clients do not tell."""
 
     key: str
     site: str
@@ -26,21 +27,41 @@ class Waiting:
     source: str
     at: str
     form: str = "source"
+    user: str | None = None
+    course: str | None = None
 
     @property
     def path(self) -> Path:
         """The file that keeps it."""
         return find_folder() / "outbox" / f"{self.key}.json"
 
+    def is_of(self, account: Account) -> bool:
+        """Whether it is an answer of this account: of its token, or of the same person in the same course."""
+        if self.site != account.site:
+            return False
+        whose = (self.user, self.course)
+        return self.account == account.id or (None not in whose and whose == (account.user, account.course))
+
+    def tell_owner(self) -> str:
+        """Returns a sentence on whose answer it is, for somebody else who is signed in."""
+        if self.user is None:
+            return (
+                f"An answer to {self.question} of {self.at} waits from another sign-in, and nobody knows whose it is: "
+                f"it is not sent. If it is yours, take its text from {self.path} and hand it in again."
+            )
+        place = f" in the course {self.course}" if self.course else ""
+        return f"An answer of {self.user}{place} to {self.question} waits here: it is sent once {self.user} signs in."
+
 
 def keep(connection: Connection, quiz: str, question: str, source: str, form: str = "source") -> Waiting:
     """Writes an answer down. The same one that waits already keeps its key."""
     account = connection.account
     for one in list_waiting(account.site):
-        if (one.account, one.quiz, one.question, one.source) == (account.id, quiz, question, source):
+        if one.is_of(account) and (one.quiz, one.question, one.source) == (quiz, question, source):
             return one
     at = datetime.now(timezone.utc).isoformat(timespec="seconds")  # noqa: UP017 - Python 3.10 has no datetime.UTC
-    waiting = Waiting(str(uuid.uuid4()), account.site, account.id, quiz, question, source, at, form)
+    key, owner = str(uuid.uuid4()), (account.user, account.course)
+    waiting = Waiting(key, account.site, account.id, quiz, question, source, at, form, *owner)
     write_private(waiting.path, json.dumps(asdict(waiting)))
     return waiting
 
@@ -81,15 +102,15 @@ def deliver(connection: Connection, waiting: Waiting) -> Any:
     return submission
 
 
-def deliver_all(connection: Connection, *, of_others: bool, but: Waiting | None = None) -> list[tuple[Waiting, Any]]:
-    """Sends what waits for this server, and returns each with its submission. What was kept under another sign-in is
-    sent only with `of_others`: it may be another person's. `but` is left out. Raises Offline and SignInAgain."""
+def deliver_all(connection: Connection, *, but: Waiting | None = None) -> list[tuple[Waiting, Any]]:
+    """Sends what waits of the learner who is signed in, and returns each with its submission. The answers of others are
+    told, and go on waiting. `but` is left out. Raises Offline and SignInAgain."""
     sent = []
     for one in list_waiting(connection.account.site):
         if one == but:
             continue
-        if one.account != connection.account.id and not of_others:
-            connection.say(f"An answer to {one.question} waits from an earlier sign-in: g.sync() sends it as yours.")
+        if not one.is_of(connection.account):
+            connection.say(one.tell_owner())
             continue
         try:
             sent.append((one, deliver(connection, one)))

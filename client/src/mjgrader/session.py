@@ -68,8 +68,16 @@ class Session:
         whom = f" as {account.user}" if account.user else ""
         count = f"{len(quizzes)} {'quiz' if len(quizzes) == 1 else 'quizzes'}"
         self.say(f"Signed in{whom} at {site}: {count}, exercises: {names or 'none yet'}.{kept}")
-        if any(True for _ in outbox.list_waiting(site)):
-            self.say("Answers wait to be sent: g.sync() sends them as yours.")
+        self.say_what_waits(account)
+
+    def say_what_waits(self, account: Account) -> None:
+        """Says which answers wait to be sent: those of this account, and whose the others are."""
+        waiting = list(outbox.list_waiting(account.site))
+        if any(one.is_of(account) for one in waiting):
+            self.say("Answers of yours wait to be sent: g.sync() sends them.")
+        for one in waiting:
+            if not one.is_of(account):
+                self.say(one.tell_owner())
 
     def show_code(self, codes: Mapping[str, Any]) -> None:
         """Says where to confirm which code."""
@@ -134,7 +142,7 @@ class Session:
             self.rehearse(source, kit, file)
         key = "file" if kit.takes == "npz" else "source"
         waiting = outbox.keep(connection, str(kit.exercise["quiz"]), kit.name, source, key)
-        outbox.deliver_all(connection, of_others=False, but=waiting)
+        outbox.deliver_all(connection, but=waiting)
         self.last = Answer(outbox.deliver(connection, waiting), connection.account.site)
         return self.wait(self.last) if wait else self.last
 
@@ -202,10 +210,10 @@ class Session:
         return ProgressTable([connection.get(f"/quizzes/{quiz['id']}") for quiz in quizzes])
 
     def sync(self) -> list[Answer]:
-        """Sends the answers that were kept without a connection. Raises Sentence."""
+        """Sends the learner's answers that were kept without a connection. Raises Sentence."""
         connection = self.connect()
-        sent = [Answer(one, connection.account.site) for _, one in outbox.deliver_all(connection, of_others=True)]
-        self.say(f"Sent: {len(sent)}." if sent else "Nothing waits to be sent.")
+        sent = [Answer(one, connection.account.site) for _, one in outbox.deliver_all(connection)]
+        self.say(f"Sent: {len(sent)}." if sent else "Nothing of yours waits to be sent.")
         self.last = sent[-1] if sent else self.last
         return sent
 
