@@ -124,7 +124,7 @@ def read_script(file: Path, takes: str = "python") -> str:
     try:
         if takes == "npz":
             return base64.b64encode(file.read_bytes()).decode()
-        return file.read_text(encoding="utf-8")
+        return file.read_text(encoding="utf-8-sig")  # Windows Notepad writes a byte order mark
     except (OSError, UnicodeDecodeError) as error:
         raise Sentence(f"{file} cannot be read: {error}") from None
 

@@ -35,7 +35,7 @@ def start(question: str, quiz: str | None = None, folder: str | Path | None = No
     session.say(f"The kit of {kit.exercise['title']} is in {kit.folder}. Write {entry}, then g.check({entry}).")
     shell = find_shell()
     if shell is not None:
-        shell.set_next_input(Path(kit.script).read_text(encoding="utf-8"))
+        shell.set_next_input(Path(kit.script).read_text(encoding="utf-8-sig"))
 
 
 def check(function: Function, question: str | None = None) -> Check:

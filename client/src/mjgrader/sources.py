@@ -64,7 +64,7 @@ def read_file_of(function: Function) -> str:
             raise TypeError
         file = inspect.getsourcefile(inspect.unwrap(function))
         assert file is not None
-        return Path(file).read_text(encoding="utf-8")
+        return Path(file).read_text(encoding="utf-8-sig")
     except (TypeError, OSError, AssertionError):
         raise Sentence(
             "The text of the function cannot be found: write it to a file, and use `mjgrade check FILE`."
