@@ -1,9 +1,19 @@
 """`mjgrade`: what it reads, and that each mistake ends with one sentence and exit status 2."""
 
 import importlib.util
+import io
+import sys
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
-from mjgrader.command import read_script
+import httpx
+import pytest
+
+from mjgrader.accounts import Account
+from mjgrader.command import main, read_script
+from mjgrader.errors import Sentence
+from mjgrader.session import Session
 from mjgrader.sources import read_source
 
 BOM = b"\xef\xbb\xbf"
@@ -19,3 +29,64 @@ def test_a_script_of_windows_notepad_is_read_without_its_byte_order_mark(tmp_pat
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     assert read_source(module.swing, "swing") == "def swing():\n    return 1\n"
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Runs a command that cannot be done in an empty folder; returns what it says."""
+    monkeypatch.setenv("MJGRADER_CONFIG", str(tmp_path / "config"))
+    monkeypatch.delenv("MJGRADER_TOKEN", raising=False)
+    monkeypatch.chdir(tmp_path)
+
+    def run_command(*arguments: str) -> str:
+        monkeypatch.setattr(sys, "argv", ["mjgrade", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 2
+        return capsys.readouterr().err.strip()
+
+    return run_command
+
+
+@pytest.mark.parametrize("error", [EOFError, AttributeError])
+def test_a_token_that_cannot_be_typed_is_told(
+    error: type[Exception], run: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(prompt: str) -> str:
+        raise error
+
+    monkeypatch.setattr("getpass.getpass", stop)
+    assert run("sign-in", "https://grader.example.edu", "--token") == (
+        "No token was typed: run this in a terminal, or put the token into MJGRADER_TOKEN."
+    )
+
+
+@pytest.mark.parametrize("token", ["grt_0_se\u00e7ret", "grt_0_a b", "grt_0_a\nb"])
+def test_what_no_token_can_be_is_told(token: str, run: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MJGRADER_TOKEN", token)
+    assert run("sign-in", "https://grader.example.edu", "--token") == (
+        "This is no token, which has ASCII letters, digits, _ and - alone: copy it again, and paste it."
+    )
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["http://127.0.0.1:abc", "http://127.0.0.1:99999", "http://[::1", "https://exa..mple", "https://\u2603.net",
+     f"https://{'a' * 64}.edu", "https://m\u00fcnchen..de"],
+)  # fmt: skip
+def test_an_address_that_cannot_be_is_told(address: str, run: Callable[..., str]) -> None:
+    assert run("sign-in", address) == (
+        f"{address!r} is no address of a server: write it like https://grader.example.edu."
+    )
+
+
+def test_a_file_where_the_kit_belongs_is_told_and_stays(tmp_path: Path) -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as kit:
+        kit.writestr("ring/exercise.json", '{"format": 1}')
+    server = httpx.MockTransport(lambda request: httpx.Response(200, content=packed.getvalue()))
+    account = Account("https://grader.example.edu", "grt_0_secret")
+    (tmp_path / "ring").write_text("mine")
+    with pytest.raises(Sentence, match=r"cannot be written to .*ring \(.*\): move what is there, or start elsewhere\."):
+        Session(lambda text: None, server, account, folder=tmp_path).start("ring", "q")
+    assert (tmp_path / "ring").read_text() == "mine"

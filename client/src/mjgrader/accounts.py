@@ -6,12 +6,15 @@ import sys
 import tempfile
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
+
+import httpx
 
 from mjgrader.errors import Sentence, SignInAgain
 
 FOLDER = "mjgrader"
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
+LIKE = "write it like https://grader.example.edu."
 
 
 @dataclass(frozen=True)
@@ -43,16 +46,27 @@ def find_folder() -> Path:
 def read_site(url: str, *, insecure: bool = False) -> str:
     """Returns the origin of an address. Raises Sentence for one that cannot be a server, or would send the token
     readably."""
-    parts = urlsplit(url if "//" in url else f"https://{url}")
+    try:
+        parts = split_address(url if "//" in url else f"https://{url}")
+    except (ValueError, httpx.InvalidURL):
+        raise Sentence(f"{url!r} is no address of a server: {LIKE}") from None
     if "//" not in url and parts.hostname in LOOPBACK:
         parts = parts._replace(scheme="http")
     if parts.scheme not in ("http", "https") or not parts.hostname:
-        raise Sentence(f"{url!r} is no address of a server: write it like https://grader.example.edu.")
+        raise Sentence(f"{url!r} is no address of a server: {LIKE}")
     if parts.scheme == "http" and parts.hostname not in LOOPBACK and not insecure:
         raise Sentence(
             f"http sends your token readably: write https://{parts.netloc}, or add insecure=True in a safe network."
         )
     return f"{parts.scheme}://{parts.netloc}"
+
+
+def split_address(url: str) -> SplitResult:
+    """Returns the parts of an address. Raises ValueError or httpx.InvalidURL for a port or a host that cannot be."""
+    parts = urlsplit(url)
+    _ = parts.port  # which is read only now
+    httpx.URL(f"https://{parts.netloc}").raw_host.decode().encode("idna")  # as asking for the host does
+    return parts
 
 
 def write_private(path: Path, text: str) -> None:

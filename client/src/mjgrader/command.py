@@ -75,7 +75,7 @@ def write_call(call: re.Match[str]) -> str:
 def run(asked: argparse.Namespace, session: Session) -> int:
     """Runs one command; returns its exit status. Raises Sentence."""
     if asked.command == "sign-in":
-        token = (os.environ.get("MJGRADER_TOKEN") or getpass.getpass("Token: ")) if asked.token else None
+        token = os.environ.get("MJGRADER_TOKEN") or ask_for_token() if asked.token else None
         session.sign_in(asked.url, token, insecure=asked.insecure)
     elif asked.command == "sign-out":
         session.sign_out()
@@ -89,6 +89,14 @@ def run(asked: argparse.Namespace, session: Session) -> int:
     else:
         return judge(asked, session)
     return EXIT_RIGHT
+
+
+def ask_for_token() -> str:
+    """Returns the token that is typed. Raises Sentence where nothing can be typed."""
+    try:
+        return getpass.getpass("Token: ")
+    except (EOFError, AttributeError):  # AttributeError: there is no stdin at all
+        raise Sentence("No token was typed: run this in a terminal, or put the token into MJGRADER_TOKEN.") from None
 
 
 def judge(asked: argparse.Namespace, session: Session) -> int:

@@ -59,7 +59,9 @@ def send(
         with httpx.Client(base_url=site, timeout=TIMEOUT_S, transport=transport) as client:
             return client.request(method, path, headers=dict(headers), **options)
     except httpx.TransportError as error:
-        raise Offline(f"{site} cannot be reached ({type(error).__name__}): check your connection.") from None
+        raise Offline(
+            f"{site} cannot be reached ({type(error).__name__}): check your connection and the address."
+        ) from None
 
 
 def read_pause(response: httpx.Response) -> float:

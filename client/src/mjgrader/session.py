@@ -54,10 +54,8 @@ class Session:
                 account = devices.wait_for_token(site, codes, self.say, self.transport)
             except KeyboardInterrupt:
                 raise Sentence("The sign-in was stopped: no token was kept.") from None
-        elif not token.strip():
-            raise Sentence("The token is empty: paste the one that your instructor gave you.")
         else:
-            account = Account(site, token.strip())
+            account = Account(site, read_token(token))
         connection = Connection(account, self.say, self.transport)
         quizzes = connection.get("/quizzes")["items"]  # the token is tried
         names = ", ".join(dict.fromkeys(name for _, name in self.list_exercises(connection, quizzes)))
@@ -96,7 +94,12 @@ class Session:
         data = connection.request("GET", f"/quizzes/{quiz}/questions/{question}/kit").content
         target = Path(folder) if folder is not None else self.folder / question
         there = {path.name for path in target.glob("*.*")}
-        self.kit = unpack_kit(data, target)
+        try:
+            self.kit = unpack_kit(data, target)
+        except OSError as error:
+            raise Sentence(
+                f"The kit cannot be written to {target} ({error.strerror}): move what is there, or start elsewhere."
+            ) from None
         if (name := Path(self.kit.script).name) in there:
             self.say(f"Your {name} was there, and was kept.")
         return self.kit
@@ -216,6 +219,16 @@ class Session:
         self.say(f"Sent: {len(sent)}." if sent else "Nothing of yours waits to be sent.")
         self.last = sent[-1] if sent else self.last
         return sent
+
+
+def read_token(text: str) -> str:
+    """Returns the token in what was pasted. Raises Sentence for what no token can be."""
+    token = text.strip()
+    if not token:
+        raise Sentence("The token is empty: paste the one that your instructor gave you.")
+    if not (token.isascii() and token.isprintable()) or " " in token:
+        raise Sentence("This is no token, which has ASCII letters, digits, _ and - alone: copy it again, and paste it.")
+    return token
 
 
 def read_owner(connection: Connection) -> Account:
