@@ -136,6 +136,27 @@ def test_what_is_missing_in_one_case_holds_an_answer_back_and_another_error_does
     assert len(handed_in) == 2
 
 
+@pytest.mark.parametrize(("installed", "is_old"), [("3.3.0", True), ("3.13.9", True), ("3.14.0", False)])
+def test_a_mujoco_that_is_too_old_is_told_before_anything_runs(
+    installed: str, is_old: bool, kit: Kit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mujoco.__version__", installed)
+    started: list[str] = []
+
+    def start(*asked: object) -> str:
+        started.append(str(asked[0]))
+        raise NotRunning("The worker was started.")
+
+    monkeypatch.setattr("mjgrader.checking.start_worker", start)
+    with pytest.raises(NotRunning) as raised:
+        check_source("x = 1\n", kit)
+    wanted = kit.exercise["mujoco"]
+    assert (
+        f"Your MuJoCo {installed} is too old to check with: `pip install mujoco=={wanted}`" in str(raised.value)
+    ) == (is_old)
+    assert started == ([] if is_old else ["run"])
+
+
 def test_a_traceback_names_the_cells_and_shows_their_lines_once(kit: Kit) -> None:
     shown = check_source(HALF.format("np.zeros(1 / 0)"), kit).output
     assert shown.count("your cells") == shown.count("Traceback") == 2  # one for each of the two errors

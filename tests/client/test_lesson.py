@@ -73,7 +73,7 @@ def test_the_wheel_is_small_pure_and_names_its_needs(wheel: Path) -> None:
         assert {name.partition("/")[0] for name in names} == {"mjgrader", "mujoco_grader_client-1.0.0.dist-info"}
         assert "from grader" not in "".join(packed.read(name).decode() for name in names if name.endswith(".py"))
     needs = [line.removeprefix("Requires-Dist: ") for line in metadata.splitlines() if line.startswith("Requires-Dist")]
-    assert needs == ["mujoco>=3.3", "numpy>=2", "httpx>=0.27"]
+    assert needs == ["mujoco>=3.14", "numpy>=2", "httpx>=0.27"]
     assert "Requires-Python: >=3.10" in metadata
 
 

@@ -17,6 +17,9 @@ from mjgrader import showing
 from mjgrader.errors import NotRunning, Sentence
 from mjgrader.kits import Kit
 
+OLDEST = (3, 14)
+"""The oldest MuJoCo that the judges run with, as pyproject.toml says."""
+
 OUTPUT_CHARS_MAX = 4000
 CELLS = "your cells"
 """What a traceback calls the script that was made of a notebook's cells."""
@@ -59,6 +62,7 @@ class Check:
 def check_source(source: str, kit: Kit, file: str = CELLS) -> Check:
     """Judges the visible cases of a script. Raises NotRunning where it does not run alone, and Sentence."""
     exercise = kit.exercise
+    refuse_older(exercise["mujoco"])
     trials = [{**trial, "index": index, "hidden": False} for index, trial in enumerate(exercise["trials"])]
     job = {
         **{name: exercise[name] for name in ("kind", "without_integrators", "reveal")},
@@ -75,6 +79,20 @@ def check_source(source: str, kit: Kit, file: str = CELLS) -> Check:
         findings = tuple(json.loads(results.read_text(encoding="utf-8")))
     remarks = list_remarks(exercise)
     return Check(exercise["title"], findings, output, remarks)
+
+
+def read_version(text: str) -> tuple[int, ...]:
+    """Returns the first two numbers of a version such as "3.14.0"."""
+    return tuple(map(int, re.findall(r"\d+", text)[:2]))
+
+
+def refuse_older(wanted: str) -> None:
+    """Raises NotRunning where the MuJoCo that is installed is too old for the judges."""
+    if read_version(mujoco.__version__) < OLDEST:
+        raise NotRunning(
+            f"Your MuJoCo {mujoco.__version__} is too old to check with: `pip install mujoco=={wanted}` gives you that "
+            "of the course. Then start Python anew."
+        )
 
 
 def list_remarks(exercise: Mapping[str, Any]) -> tuple[str, ...]:
