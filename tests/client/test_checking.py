@@ -13,7 +13,7 @@ from grader.library import Library, load
 from grader.pack.kit import build_kit
 from mjgrader import worker
 from mjgrader.accounts import Account
-from mjgrader.checking import check_source
+from mjgrader.checking import check_source, list_remarks
 from mjgrader.errors import NotRunning, Sentence
 from mjgrader.kits import Kit, find_kit, read_kit, unpack_kit
 from mjgrader.session import Session
@@ -155,6 +155,24 @@ def test_a_mujoco_that_is_too_old_is_told_before_anything_runs(
         f"Your MuJoCo {installed} is too old to check with: `pip install mujoco=={wanted}`" in str(raised.value)
     ) == (is_old)
     assert started == ([] if is_old else ["run"])
+
+
+@pytest.mark.parametrize(("installed", "differs"), [
+    ("4.0.0", "verdicts may differ, not only the last digits: what is wrong here may be right there"),
+    ("3.15.1", "the last digits may differ"),
+])  # fmt: skip
+def test_a_remark_says_what_another_mujoco_changes(
+    installed: str, differs: str, kit: Kit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mujoco.__version__", installed)
+    exercise = {**kit.exercise, "mujoco": "3.14.0"}
+    [_, remark] = list_remarks(exercise)
+    assert remark == (
+        f"The server has MuJoCo 3.14.0, you have {installed}: {differs}. `pip install mujoco==3.14.0` makes them the "
+        "same."
+    )
+    monkeypatch.setattr("mujoco.__version__", "3.14.0")
+    assert len(list_remarks(exercise)) == 1
 
 
 def test_a_traceback_names_the_cells_and_shows_their_lines_once(kit: Kit) -> None:

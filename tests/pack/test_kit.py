@@ -170,6 +170,7 @@ def test_a_kit_has_all_that_is_promised_in_the_same_bytes(
         readme = kit.read(f"{question}/README.md").decode()
         assert len(readme.splitlines()) <= 12
         assert f"`{script}`" in readme
+        assert "with another major" in " ".join(readme.split())
         assert f"`pip install mujoco=={INSTALLED}{' numpy' if is_script else ''}`" in readme
         asked = libraries[content].question(quiz, question)
         visible = [case for case in asked.check.parameters["cases"] if not case.get("hidden")]  # type: ignore[attr-defined]

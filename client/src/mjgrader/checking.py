@@ -99,10 +99,14 @@ def list_remarks(exercise: Mapping[str, Any]) -> tuple[str, ...]:
     """Returns what one should know about the verdict."""
     hidden = f"{exercise['hidden_points']:g} of its {exercise['points']:g} points are for hidden cases"
     remarks = [f"No attempt is used. The server decides, and names the mistake where it knows it; {hidden}."]
-    if exercise["mujoco"] != mujoco.__version__:
+    wanted, installed = exercise["mujoco"], mujoco.__version__
+    if wanted != installed:
+        differs = "the last digits may differ"
+        if read_version(wanted)[0] != read_version(installed)[0]:
+            differs = "verdicts may differ, not only the last digits: what is wrong here may be right there"
         remarks.append(
-            f"The server has MuJoCo {exercise['mujoco']}, you have {mujoco.__version__}: the last digits may differ. "
-            f"`pip install mujoco=={exercise['mujoco']}` makes them the same."
+            f"The server has MuJoCo {wanted}, you have {installed}: {differs}. `pip install mujoco=={wanted}` makes "
+            "them the same."
         )
     return tuple(remarks)
 

@@ -33,14 +33,16 @@ README = """# {title}
 - `exercise.json` has the visible cases, and says how they are judged.
 - With `mujoco-grader-client`, a wheel that your course gives you: `mjgrade check {script}` judges the visible cases
   here and uses no attempt; `mjgrade submit {script}` hands in. Without it, hand in on the exercise's page.
-{address}- The server decides. It has MuJoCo {mujoco}; with another version the last digits may differ.
+{address}- The server decides. It has MuJoCo {mujoco}; with another version the last digits may differ, with another
+  major version verdicts too: then `pip install mujoco=={mujoco}`.
 """
 
 
 ON_THE_SERVER = """\
 - `mjgrade submit {script}`, of the wheel `mujoco-grader-client` that your course gives you, hands in. Without it,
   hand in on the exercise's page.
-{address}- The server judges, all cases. It has MuJoCo {mujoco}; with another version the last digits may differ.
+{address}- The server judges, all cases. It has MuJoCo {mujoco}; with another version the last digits may differ,
+  with another major version also whether an answer is right: then `pip install mujoco=={mujoco}`.
 """
 
 READMES = {
