@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -173,6 +174,54 @@ def test_a_remark_says_what_another_mujoco_changes(
     )
     monkeypatch.setattr("mujoco.__version__", "3.14.0")
     assert len(list_remarks(exercise)) == 1
+
+
+READERS = {
+    "open": "open('exercise.json')",
+    "beside": "open(__file__.replace('servo_threshold.py', 'exercise.json'))",
+    "xml": "mujoco.MjModel.from_xml_path('models/pendulum_servo.xml')",
+}
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("place", ["import", "call"])
+def test_a_script_runs_in_an_empty_folder_as_on_the_server(
+    reader: str, place: str, kit: Kit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(kit.folder)
+    assert Path("models/pendulum_servo.xml").exists()
+    monkeypatch.setenv("PYTHONPATH", os.path.relpath(ROOT / "src"))
+    lines = ["import mujoco", "from mjcourse import model_path"]
+    function = ["def largest_stable_timestep(model, integrator):", f"    {READERS[reader]}", "    return 0.01"]
+    if place == "import":
+        function = [READERS[reader], *function[:1], *function[2:]]
+    says = r"No such file or directory|Error opening file.*A script runs in an empty folder, as on the server: mjcourse"
+    if place == "import":
+        with pytest.raises(NotRunning, match=says):
+            check_source("\n".join([*lines, *function]), kit, str(kit.script))
+    else:
+        check = check_source("\n".join([*lines, *function]), kit, str(kit.script))
+        assert all("A script runs in an empty folder" in finding["message"] for finding in check.findings)
+
+
+def test_a_script_finds_the_models_and_an_empty_folder(
+    kit: Kit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("random.py").write_text("raise ValueError")
+    Path("own.py").write_text("")
+    source = """\
+import os
+import mujoco
+from mjcourse import model_path
+mujoco.MjModel.from_xml_path(str(model_path("pendulum_servo")))
+print(os.listdir(), __file__)
+def largest_stable_timestep(model, integrator):
+    return 0.01
+"""
+    assert check_source(source, kit, "servo-threshold/servo_threshold.py").output == "[] servo_threshold.py"
+    with pytest.raises(NotRunning, match="own is a file of yours"):
+        check_source(f"import own\n{source}", kit)
 
 
 def test_a_traceback_names_the_cells_and_shows_their_lines_once(kit: Kit) -> None:

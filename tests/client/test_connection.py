@@ -361,7 +361,7 @@ def test_a_kept_answer_whose_owner_is_not_known_is_sent_with_its_own_token_alone
 
 def test_a_sign_in_says_whose_answers_wait() -> None:
     def answer(request: httpx.Request) -> httpx.Response:
-        me = {"user": "ada", "course": "robots"} if request.url.path.endswith("/me") else {"items": []}
+        me: dict[str, Any] = {"user": "ada", "course": "robots"} if request.url.path.endswith("/me") else {"items": []}
         return httpx.Response(200, json=me)
 
     for user in ("ada", "bob"):

@@ -112,14 +112,20 @@ def list_remarks(exercise: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def start_worker(command: str, job: Path, results: Path, seconds: float | None) -> str:
-    """Runs a worker to its end; returns what it printed. Raises NotRunning."""
+    """Runs a worker to its end, in an empty folder as on the server; returns what it printed. Raises NotRunning."""
     arguments = [sys.executable, "-m", "mjgrader.worker", command, str(job), str(results)]
-    paths = [*(path for path in sys.path if path), os.environ.get("PYTHONPATH", "")]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "PYTHONIOENCODING": "utf-8"}
+    environment = {**os.environ, "PYTHONPATH": list_paths(), "PYTHONIOENCODING": "utf-8"}
     try:
-        done = subprocess.run(  # noqa: S603 - our own module
-            arguments, env=environment, capture_output=True, timeout=seconds, check=False, stdin=subprocess.DEVNULL
-        )
+        with tempfile.TemporaryDirectory(prefix="mjgrader-") as empty:
+            done = subprocess.run(  # noqa: S603 - our own module
+                arguments,
+                env=environment,
+                cwd=empty,
+                capture_output=True,
+                timeout=seconds,
+                check=False,
+                stdin=subprocess.DEVNULL,
+            )
     except KeyboardInterrupt:
         raise NotRunning("Stopped.") from None
     except subprocess.TimeoutExpired as error:
@@ -133,6 +139,14 @@ def start_worker(command: str, job: Path, results: Path, seconds: float | None) 
             raise NotRunning(f"Python ended with status {done.returncode} while your script ran.", output)
         raise Sentence(f"The judge failed; please report this:\n{output}")
     return output
+
+
+def list_paths() -> str:
+    """Returns where the worker finds modules, whatever its folder is. The learner's folder comes last: a file of hers
+    replaces no module, and is known as hers."""
+    given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    paths = [str(Path(path).absolute()) for path in (*sys.path, *given) if path]
+    return os.pathsep.join([*paths, str(Path.cwd())])
 
 
 def read_output(stdout: bytes, stderr: bytes) -> str:

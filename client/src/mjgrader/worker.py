@@ -64,7 +64,7 @@ def run_job(job: Mapping[str, Any]) -> dict[str, Any]:
         where = f" in line {frames[-1].lineno}" if frames else ""
         shown = [] if isinstance(error, SyntaxError) else traceback.format_list(frames)
         print("".join([*shown, *traceback.format_exception_only(type(error), error)]), file=sys.stderr)
-        return {"status": "crashed", "why": f"{type(error).__name__}{where}: {error}", "results": {}}
+        return {"status": "crashed", "why": f"{type(error).__name__}{where}: {error}{advise(error)}", "results": {}}
     return {"status": "returned", "why": "", "results": results}
 
 
@@ -84,10 +84,17 @@ def list_frames(error: BaseException, file: str) -> list[traceback.FrameSummary]
     return [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
 
 
+def advise(error: object) -> str:
+    """Returns what to do about a file that is not found, to end a sentence; else nothing."""
+    if not any(sign in str(error) for sign in ("No such file or directory", "Error opening file")):
+        return ""
+    return " A script runs in an empty folder, as on the server: mjcourse.model_path finds the models."
+
+
 def load_script(source: str, file: str) -> ModuleType:
     """Returns the script as a module. It is imported, not run as a program."""
     module = ModuleType("script")
-    module.__file__ = file
+    module.__file__ = Path(file).name  # without its folder, as on the server
     sys.modules["script"] = module
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
     exec(compile(source, file, "exec"), vars(module))  # noqa: S102
@@ -165,7 +172,7 @@ def judge_trial(kind: str, trial: Mapping[str, Any], results: Mapping[str, Any])
     if "raised" in results:
         said = json.loads(results["raised"].tobytes())
         line = f", in line {said['line']} of your script" if said["line"] else ""
-        return f"{said['raised']}{line}."
+        return f"{said['raised']}{line}.{advise(said['raised'])}"
     if trial["problem"] is None:
         if any(name.startswith("other") for name in results):
             return "Your function returned something that is not finite numbers; the server judges this case."
