@@ -233,7 +233,7 @@ def test_a_choice_for_a_part_of_the_run_has_a_status_of_its_own(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "sys.argv", ["grader", "advise", str(FOREIGN / "point.xml"), "--seconds", "1", "--perturb", "1"]
+        "sys.argv", ["grader", "advise", str(FOREIGN / "walker2d.xml"), "--seconds", "1", "--perturb", "1"]
     )
     with pytest.raises(SystemExit) as end:
         main()

@@ -106,6 +106,39 @@ def test_a_pass_by_accident_does_not_count() -> None:
     assert all(of_same[h] <= 1e-5 for h in finer)
 
 
+STICK = """<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="5 5 .1" friction=".5"/>
+  <body pos="0 0 .0995"><joint type="slide" axis="1 0 0" name="x"/><joint type="slide" axis="0 0 1"/>
+  <geom type="box" size=".1 .1 .1" mass="1" friction=".5"/></body></worldbody>
+  <actuator><position joint="x" kp="100" kv="1"/></actuator></mujoco>"""
+"""A box that sticks and slips: RK4 is near the truth at 0.1 ms alone."""
+
+
+@cache
+def accident() -> Selection:
+    """RK4 on a box that sticks and slips, within 1e-3."""
+    return select(
+        Scene.from_xml(STICK).at(ctrl=[1]), tolerance=1e-3, seconds=0.9, integrators=(RK4,),
+        quantity=lambda _model, data: float(data.qpos[0]), timesteps_s=(0.0002, 0.0001),
+    )  # fmt: skip
+
+
+def test_the_smallest_timestep_does_not_pass_by_accident() -> None:
+    chosen = accident()
+    errors = {c.timestep_s: c.error for c in chosen.candidates if c.integrator == RK4}
+    assert errors[0.0001] <= 1e-3 < errors[0.00005]
+    assert chosen.best is None
+
+
+def test_the_smallest_timestep_is_chosen_where_half_of_it_confirms() -> None:
+    chosen = select(DOUBLE, tolerance=1e-5, seconds=0.5, integrators=(RK4,), timesteps_s=(0.002,))
+    assert chosen.best is not None
+    assert chosen.best.setting == (RK4, 0.002)
+    (half,) = (c for c in chosen.candidates if c.confirms)
+    assert half.setting == (RK4, 0.001)
+    assert half.error < chosen.best.error
+    assert half not in chosen.front
+
+
 def test_no_cheaper_setting_passes_that_was_left_unmeasured() -> None:
     """The search leaves out settings; measured one by one, none of these is cheaper and passes."""
     chosen = select(DOUBLE, tolerance=1e-4, seconds=0.4)

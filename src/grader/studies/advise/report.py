@@ -114,6 +114,8 @@ class Advice:
             mark = ">" if candidate == self.choice else "*" if candidate in self.selection.front else " "
             lines.append(f"{mark} {name:{width}}{error:>10}{cost:>10}{cpu:>10}  {candidate.warning or 'none'}")
         lines.append("> the choice   * no other setting is both cheaper and more accurate")
+        if any(candidate.confirms for candidate in self.selection.candidates):
+            lines.append("(confirms): measured to confirm the smallest timestep, and no choice")
         lines.append(
             "cost: evaluations of the forward dynamics, CPU: time of one run, both relative to "
             f"{describe_setting(start)}"
@@ -121,8 +123,9 @@ class Advice:
         return lines
 
     def name(self, candidate: Candidate) -> str:
-        """Returns the setting in words; the model's own is marked."""
-        return describe_setting(candidate) + (" (the model's own)" if candidate == self.selection.own else "")
+        """Returns the setting in words; the model's own and one that is no choice are marked."""
+        mark = " (the model's own)" if candidate == self.selection.own else " (confirms)" if candidate.confirms else ""
+        return describe_setting(candidate) + mark
 
     def own_setting(self) -> str | None:
         """What the choice saves over the model's own setting, or what it costs."""

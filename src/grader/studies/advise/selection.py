@@ -36,7 +36,8 @@ QUARTER = (RK4, 0.0005)
 """What the lesson tries next where energy is conserved."""
 
 CONFIRMATIONS = 2
-"""A timestep passes if this many of the next smaller ones pass too, so that none passes by accident."""
+"""A timestep passes if this many of the next smaller ones pass too, so that none passes by accident. The smallest but
+one is confirmed by the smallest, and that by half of it, which is no choice."""
 
 PROBED_S = 0.001
 """Timesteps [s] from this one on are all measured, from the largest down: they cost little, and draw the diagram."""
@@ -46,7 +47,7 @@ PROBED_S = 0.001
 class Candidate:
     """A measured setting. `error` is inf for a run that diverged; `cost` counts evaluations per simulated second; `cpu`
     is the CPU time per simulated second of the one run, which the rest of the machine may disturb; `warning` names the
-    first warning and its time."""
+    first warning and its time. With `confirms` it was measured to confirm a larger timestep only, and is no choice."""
 
     integrator: Integrator
     timestep_s: float
@@ -54,6 +55,7 @@ class Candidate:
     cost: float
     cpu: float = field(default=0.0, compare=False)
     warning: str | None = None
+    confirms: bool = False
 
     @property
     def setting(self) -> Setting:
@@ -98,7 +100,8 @@ def select(
 
     Errors are sup norms of `quantity`, by default of qpos. START, QUARTER and the model's own setting are always
     measured. Of each integrator the largest timestep comes first; it ends where its next setting costs more than the
-    cheapest that passes. CONFIRMATIONS smaller timesteps must confirm that one. An integrator that MuJoCo refuses for
+    cheapest that passes. CONFIRMATIONS smaller timesteps must confirm that one, and half the smallest confirms the
+    smallest. An integrator that MuJoCo refuses for
     the model is left out. No run begins that would last beyond `budget_s` of wall time; the best of what was measured
     is then returned.
 
@@ -121,7 +124,7 @@ def check_question(tolerance: float, seconds: float, timesteps_s: Sequence[float
     """Raise ValueError for a tolerance or length [s] that is not positive and finite, or a length of too many steps."""
     if not (0 < tolerance < inf and SAMPLE_S <= seconds < inf):
         raise ValueError(f"tolerance must be positive and the run {SAMPLE_S} s or longer")
-    longest = STEPS_MAX * min(*timesteps_s, *REFERENCE_S)
+    longest = STEPS_MAX * min(min(timesteps_s) / 2, *REFERENCE_S)
     if not seconds <= longest:
         raise ValueError(f"the run may last {longest:g} s at most, not {seconds:g} s")
 
@@ -134,7 +137,8 @@ def describe_setting(candidate: Candidate) -> str:
 def find_front(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
     """Returns the candidates that no other beats in both cost and error (the Pareto front), the cheapest first."""
     front: list[Candidate] = []
-    for candidate in sorted(candidates, key=lambda c: (c.cost, c.error, PREFERENCE.index(c.integrator))):
+    choices = (candidate for candidate in candidates if not candidate.confirms)
+    for candidate in sorted(choices, key=lambda c: (c.cost, c.error, PREFERENCE.index(c.integrator))):
         if candidate.error < min((c.error for c in front), default=inf):
             front.append(candidate)
     return tuple(front)
@@ -155,7 +159,7 @@ def _hint(told: float) -> str:
 
 class _Survey:
     """Measures settings once each, within a budget of wall time. `offered` holds the timesteps [s] to choose from for
-    each integrator, the largest first; `measured` what was found."""
+    each integrator, the largest first; `measured` what was found; `confirming` the settings that are no choice."""
 
     def __init__(
         self, meter: Meter, tolerance: float, offered: Mapping[Integrator, Sequence[float]], *, until: float,
@@ -167,6 +171,7 @@ class _Survey:
         self.doubt = inf
         self.evaluation_s = 0.0
         self.unmeasured: list[Setting] = []
+        self.confirming = set[Setting]()
 
     def select(self) -> Selection:
         model = self.meter.scene.model
@@ -238,7 +243,8 @@ class _Survey:
             name = rollout.warning.name if rollout.warning is not None else "time ran backwards"
             warning = f"{name} after {rollout.steps * timestep_s:.3g} s"
         error = self.meter.error(rollout, reference)
-        return Candidate(integrator, timestep_s, error, integrator.evaluations / timestep_s, run.cpu, warning)
+        cost, confirms = integrator.evaluations / timestep_s, setting in self.confirming
+        return Candidate(integrator, timestep_s, error, cost, run.cpu, warning, confirms)
 
     def predicted(self, setting: Setting) -> float:
         """Returns the expected time [s] of a run on one core."""
@@ -256,6 +262,7 @@ class _Survey:
             if not wanted and cheapest is not None:
                 wanted = [(cheapest.integrator, h) for h in self.list_confirming(cheapest)]
                 wanted = [setting for setting in wanted if setting not in self.measured]
+                self.confirming |= {(i, h) for i, h in wanted if h not in self.offered[i]}
             fitting = [setting for setting in wanted if self.lasts(self.predicted(setting))]
             self.unmeasured = [setting for setting in wanted if setting not in fitting]
             if not fitting:
@@ -284,20 +291,15 @@ class _Survey:
 
     def find_passing(self, integrator: Integrator) -> Candidate | None:
         """Returns the largest timestep that passes with every smaller one that was measured."""
-        own = sorted(
-            (
-                candidate
-                for candidate in self.measured.values()
-                if candidate.integrator is integrator and candidate.timestep_s in self.offered[integrator]
-            ),
-            key=lambda candidate: candidate.timestep_s,
-        )
-        passing = list(takewhile(self.passes, own))
-        return passing[-1] if passing else None
+        offered = self.offered[integrator]
+        tried = (self.measured.get((integrator, h)) for h in (min(offered) / 2, *reversed(offered)))
+        passing = list(takewhile(self.passes, filter(None, tried)))
+        return passing[-1] if passing and passing[-1].timestep_s in offered else None
 
     def list_confirming(self, candidate: Candidate) -> list[float]:
-        """Returns the smaller timesteps that must pass too, as far as there are."""
-        return [h for h in self.offered[candidate.integrator] if h < candidate.timestep_s][:CONFIRMATIONS]
+        """Returns the smaller timesteps that must pass too: half of the smallest where no smaller one is offered."""
+        smaller = [h for h in self.offered[candidate.integrator] if h < candidate.timestep_s]
+        return smaller[:CONFIRMATIONS] or [candidate.timestep_s / 2]
 
     def best(self) -> Candidate | None:
         """Returns the cheapest setting that passes, with those that confirm it."""
