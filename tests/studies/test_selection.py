@@ -1,6 +1,6 @@
 """The choice of integrator and timestep, by measured error."""
 
-from functools import cache
+from functools import cache, partial
 
 import mujoco
 import numpy as np
@@ -127,6 +127,23 @@ def test_the_smallest_timestep_does_not_pass_by_accident() -> None:
     errors = {c.timestep_s: c.error for c in chosen.candidates if c.integrator == RK4}
     assert errors[0.0001] <= 1e-3 < errors[0.00005]
     assert chosen.best is None
+
+
+def test_none_is_explained_by_the_smaller_timestep_that_does_not_confirm() -> None:
+    words = "none of the candidates meets 0.001 for certain; the best, RK4 at 0.1 ms, has an error of 0.00034, but by "
+    assert accident().reason == words + "accident, as RK4 at 0.05 ms has one of 0.01"
+
+
+def test_none_is_explained_by_the_uncertainty_of_the_reference_where_that_decides() -> None:
+    asked = partial(select, DOUBLE, seconds=0.5, integrators=(RK4,), timesteps_s=(0.002, 0.001))
+    seen = asked(tolerance=1e-9)
+    least = min(c.error for c in seen.candidates)
+    tolerance = least + seen.reference_error / 2
+    chosen = asked(tolerance=tolerance)
+    error, doubt = min(c.error for c in chosen.candidates), chosen.reference_error
+    assert error <= tolerance < error + doubt
+    assert f"an error of {error:.2g}, with the uncertainty of the reference, {doubt:.2g}, added " in chosen.reason
+    assert float(chosen.reason.split("added ")[1]) > tolerance
 
 
 def test_the_smallest_timestep_is_chosen_where_half_of_it_confirms() -> None:

@@ -319,16 +319,37 @@ class _Survey:
         own = (other for other in self.measured.values() if other.integrator is candidate.integrator)
         return any(other.timestep_s < candidate.timestep_s and not self.passes(other) for other in own)
 
+    def explain_none(self, candidates: Sequence[Candidate]) -> str:
+        """Returns why no candidate is chosen: that of the best one."""
+        reason = f"none of the candidates meets {self.tolerance:g}"
+        least = min((c for c in candidates if not c.confirms), key=lambda c: c.error)
+        name = f"the best, {describe_setting(least)},"
+        if least.error == inf:
+            return reason
+        if not self.passes(least):
+            return f"{reason}; {name} has an error of {self.describe_excess(least)}"
+        smaller = [c for c in candidates if c.integrator is least.integrator and c.timestep_s < least.timestep_s]
+        worse = max((c for c in smaller if not self.passes(c)), key=lambda c: c.error, default=None)
+        reason += f" for certain; {name} has an error of {least.error:.2g}, but "
+        if worse is None:
+            return reason + "no smaller timestep was measured that confirms it"
+        what = "diverges" if worse.error == inf else f"has one of {self.describe_excess(worse)}"
+        return f"{reason}by accident, as {describe_setting(worse)} {what}"
+
+    def describe_excess(self, candidate: Candidate) -> str:
+        """Returns the error of a candidate that does not pass, with what is added to it where that makes it so."""
+        if candidate.error > self.tolerance:
+            return _write_over(candidate.error, self.tolerance)
+        total = _write_over(candidate.error + self.doubt, self.tolerance)
+        return f"{candidate.error:.2g}, with the uncertainty of the reference, {self.doubt:.2g}, added {total}"
+
     def choose(self, own: Setting) -> Selection:
         """Returns the selection among what was measured."""
         candidates = tuple(sorted(self.measured.values(), key=_rank))
         best = self.best()
         late = "" if not self.unmeasured else "; the budget ended before all settings were measured"
         if best is None:
-            least = min(candidates, key=lambda c: c.error)
-            margin, reason = 0.0, f"none of the candidates meets {self.tolerance:g}"
-            if isfinite(least.error):
-                reason += f"; the best, {describe_setting(least)}, has an error of {least.error:.2g}"
+            margin, reason = 0.0, self.explain_none(candidates)
         else:
             margin = self.tolerance / best.error if best.error else inf
             cost = f"{best.cost:g} evaluations a second"
@@ -338,6 +359,12 @@ class _Survey:
                 reason += f"; cheaper, but by accident, as a smaller timestep is worse: {', '.join(lucky)}"
         front = find_front(candidates)
         return Selection(best, margin, reason + late, self.doubt, candidates, front, self.measured[own])
+
+
+def _write_over(size: float, limit: float) -> str:
+    """Returns a number above `limit` with two digits, or as many as show that."""
+    texts = (f"{size:.{digits}g}" for digits in range(2, 17))
+    return next((text for text in texts if float(text) > limit), repr(size))
 
 
 def _rank(candidate: Candidate) -> tuple[float, int]:
