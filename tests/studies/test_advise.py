@@ -15,6 +15,7 @@ from grader.numerics.accuracy.reference import list_sample_times
 from grader.numerics.integrators import DISCRETE, IMPLICITFAST, INTEGRATORS, RK4
 from grader.numerics.rollout import simulate
 from grader.studies.advise.meter import SAMPLE_S
+from grader.studies.advise.page import draw_table
 from grader.studies.advise.report import Advice, RunStart, advise, build_scene, find_binding_stiffness, find_energy_loss
 from grader.studies.advise.selection import START, Candidate, select
 from grader.studies.bench.scenes import find_scene, read_scene
@@ -92,6 +93,25 @@ def test_a_cheaper_setting_that_passed_by_accident_is_named() -> None:
     assert RK4.evaluations / 0.004 < advice.choice.cost
     assert errors[RK4, 0.004] < 1e-3 < errors[RK4, 0.0025]
     assert "cheaper, but by accident, as a smaller timestep is worse: RK4 at 4 ms" in str(advice)
+
+
+EQUALITY = """<mujoco><option timestep="0.002"/><worldbody>
+  <body pos="0 0 2"><joint name="a" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 1 0 0" size=".02"/></body>
+  <body pos="3 0 2"><joint name="b" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 -1 0 0" size=".02"/></body>
+  </worldbody><equality><joint joint1="a" joint2="b" polycoef="0 -1 0 0 0"/></equality></mujoco>"""
+"""Two arms that mirror each other: RK4 is nearer to the truth than the reference."""
+
+
+def test_an_error_below_the_uncertainty_of_the_reference_is_printed_as_a_bound() -> None:
+    advice = advise(EQUALITY, "data.qpos[0]", tol=1e-3, seconds=1.0)
+    selection = advice.selection
+    assert advice.choice is not None
+    assert advice.choice.error < selection.reference_error
+    assert re.search(r"^> RK4 at \S+ ms +< \d\.\de-\d\d ", str(advice), re.MULTILINE)
+    assert re.search(r"^RK4 at \S+ ms meets 0.001 with an error below \d", str(advice), re.MULTILINE)
+    assert f"<: no larger than this, as the reference is uncertain by {selection.reference_error:.2g}" in str(advice)
+    assert sum(c.error < selection.reference_error for c in selection.front) == 1
+    assert "&lt; " in draw_table(advice)
 
 
 def test_columns_stay_in_line() -> None:

@@ -16,9 +16,12 @@ from grader.studies.advise.selection import (
     CONFIRMATIONS,
     PREFERENCE,
     TIMESTEPS_S,
+    Candidate,
     QuantityStill,
     Selection,
+    describe_error,
     describe_setting,
+    find_front,
     select,
 )
 from numerics.models import ALL, DELAY, LESSON, RUNAWAY, hinge
@@ -178,6 +181,26 @@ def test_the_front_holds_what_nothing_beats_in_cost_and_error() -> None:
         better = [c for c in as_good if (c.cost, c.error) != (candidate.cost, candidate.error)]
         assert not (better and candidate in chosen.front)
         assert better or {(c.cost, c.error) for c in chosen.front} >= {(candidate.cost, candidate.error)}
+
+
+@pytest.mark.parametrize(
+    ("error", "doubt", "written"),
+    [
+        (4.2e-5, 4.11e-5, "an error of 4.2e-05"),
+        (4.01e-5, 4.2e-5, "an error below 8.3e-05"),
+        (0.0, 2e-3, "an error below 0.002"),
+        (0.0, 0.0, "an error of 0"),
+    ],
+)
+def test_an_error_below_the_uncertainty_of_the_reference_is_a_bound(error: float, doubt: float, written: str) -> None:
+    assert describe_error(error, doubt) == written
+
+
+def test_noise_below_the_uncertainty_of_the_reference_is_not_on_the_front() -> None:
+    sizes = {0.002: 1e-2, 0.001: 4.4e-5, 0.0005: 4.3e-5, 0.0002: 0.0}
+    candidates = [Candidate(RK4, h, error, 4 / h) for h, error in sizes.items()]
+    assert [c.timestep_s for c in find_front(candidates, 4.5e-5)] == [0.002, 0.001]
+    assert [c.timestep_s for c in find_front(candidates, 0.0)] == list(sizes)
 
 
 @pytest.mark.parametrize("timestep_s", [0.003, 1 / 120, 0.0007])

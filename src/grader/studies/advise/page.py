@@ -6,7 +6,7 @@ from math import ceil, floor, inf, isfinite, log10
 
 from grader.numerics.integrators import INTEGRATORS
 from grader.studies.advise.report import Advice
-from grader.studies.advise.selection import Candidate
+from grader.studies.advise.selection import Candidate, write_error
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 860.0, 466.0, 70.0, 24.0, 40.0, 56.0
 """Size of the picture and its margins, in its own units."""
@@ -72,10 +72,10 @@ def draw_figure(advice: Advice) -> str:
 
 def draw_table(advice: Advice) -> str:
     """Returns the settings as a table, the cheapest first."""
-    rows = []
+    rows, doubt = [], advice.selection.reference_error
     for candidate in advice.selection.candidates:
         mark = ' class="choice-row"' if candidate == advice.choice else ""
-        error = "diverged" if candidate.error == inf else f"{candidate.error:.2e}"
+        error = "diverged" if candidate.error == inf else escape(write_error(candidate.error, doubt, ".2e", "< "))
         front = "yes" if candidate in advice.selection.front else ""
         cells = (f"{candidate.cost:g}", error, f"{1e3 * candidate.cpu:.3g}", front, escape(candidate.warning or ""))
         body = "".join(f"<td>{cell}</td>" for cell in cells)
@@ -116,7 +116,7 @@ def draw_diagram(advice: Advice) -> str:
     front = " ".join(f"{scale.x(candidate.cost):.1f},{scale.y(candidate.error):.1f}" for candidate in selection.front)
     parts.append(f'<polyline class="front" points="{front}"/>')
     parts += (
-        _draw_mark(candidate, scale.x(candidate.cost), scale.y(candidate.error), advice.name(candidate))
+        _draw_mark(candidate, scale, advice.name(candidate), selection.reference_error)
         for candidate in selection.candidates
     )
     parts += _draw_level(scale, selection.tolerance, "limit", "tolerance", -6)
@@ -156,8 +156,9 @@ def _draw_level(scale: _Scale, error: float, kind: str, label: str, below: float
     return [line, f'<text x="{LEFT + 6}" y="{y:.1f}">{label} {error:.2g}</text>']
 
 
-def _draw_mark(candidate: Candidate, x: float, y: float, name: str) -> str:
-    error = "diverged" if candidate.error == inf else f"error {candidate.error:.2g}"
+def _draw_mark(candidate: Candidate, scale: _Scale, name: str, doubt: float) -> str:
+    error = "diverged" if candidate.error == inf else f"error {write_error(candidate.error, doubt)}"
+    x, y = scale.x(candidate.cost), scale.y(candidate.error)
     title = escape(
         f"{name}: {error}, cost {candidate.cost:g}" + (f", {candidate.warning}" if candidate.warning else "")
     )

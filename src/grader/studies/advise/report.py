@@ -31,8 +31,10 @@ from grader.studies.advise.selection import (
     Candidate,
     QuantityStill,
     Selection,
+    describe_error,
     describe_setting,
     select,
+    write_error,
 )
 
 TOLERANCE = 1e-3
@@ -105,15 +107,17 @@ class Advice:
             return []
         start = next(c for c in self.selection.candidates if c.setting == START)
         names = [self.name(c) for c in self.selection.candidates]
-        width = max(map(len, names)) + 2
+        width, doubt = max(map(len, names)) + 2, self.selection.reference_error
         lines = ["", f"  {'':{width}}{'error':>10}{'cost':>10}{'CPU':>10}  warning"]
         for name, candidate in zip(names, self.selection.candidates, strict=True):
-            error = "diverged" if candidate.error == inf else f"{candidate.error:.1e}"
+            error = "diverged" if candidate.error == inf else write_error(candidate.error, doubt, ".1e", "< ")
             cost = f"x{candidate.cost / start.cost:.3g}"
             cpu = f"x{candidate.cpu / start.cpu:.2f}" if start.cpu else ""
             mark = ">" if candidate == self.choice else "*" if candidate in self.selection.front else " "
             lines.append(f"{mark} {name:{width}}{error:>10}{cost:>10}{cpu:>10}  {candidate.warning or 'none'}")
         lines.append("> the choice   * no other setting is both cheaper and more accurate")
+        if any(candidate.error < doubt for candidate in self.selection.candidates):
+            lines.append(f"<: no larger than this, as the reference is uncertain by {doubt:.2g}")
         if any(candidate.confirms for candidate in self.selection.candidates):
             lines.append("(confirms): measured to confirm the smallest timestep, and no choice")
         lines.append(
@@ -132,7 +136,8 @@ class Advice:
         own, best = self.selection.own, self.choice
         if own is None or best is None or best == own:
             return None
-        error = "diverges" if own.error == inf else f"has an error of {own.error:.2g}"
+        doubt = self.selection.reference_error
+        error = "diverges" if own.error == inf else f"has {describe_error(own.error, doubt)}"
         ratio = own.cost / best.cost
         saves = f"costs {ratio:.3g} times as much" if ratio >= 1 else f"costs {1 / ratio:.3g} times less"
         return f"the model's own setting, {describe_setting(own)}, {error} and {saves}"
@@ -201,21 +206,22 @@ def compile_quantity(expression: str, scene: Scene) -> Quantity:
 def describe_steps(scene: Scene, selection: Selection) -> tuple[str, ...]:
     """Returns the steps of the lesson's procedure, each with what the measurements say."""
     measured = {c.setting: c for c in selection.candidates}
+    first, quarter = (_describe_error(measured.get(s), selection.reference_error) for s in (START, QUARTER))
     loss = find_energy_loss(scene)
     conserved = "energy is conserved" if loss is None else f"energy may not be conserved ({loss})"
     stiff = find_binding_stiffness(scene, selection.candidates)
     return (
-        f"1. start from {START[0].name} at {1e3 * START[1]:g} ms{_describe_error(measured.get(START))}",
-        f"2. {conserved}; {QUARTER[0].name} at a quarter of the step{_describe_error(measured.get(QUARTER))}",
+        f"1. start from {START[0].name} at {1e3 * START[1]:g} ms{first}",
+        f"2. {conserved}; {QUARTER[0].name} at a quarter of the step{quarter}",
         f"3. {stiff}: discrete may take larger steps" if stiff else "3. no stiffness limits the timestep up to 20 ms",
         "4. every integrator: from the largest timestep down to one that passes",
     )
 
 
-def _describe_error(candidate: Candidate | None) -> str:
+def _describe_error(candidate: Candidate | None, doubt: float) -> str:
     if candidate is None:
         return ""
-    return ": it diverges" if candidate.error == inf else f": its error is {candidate.error:.2g}"
+    return ": it diverges" if candidate.error == inf else f": its error is {write_error(candidate.error, doubt)}"
 
 
 def find_energy_loss(scene: Scene) -> str | None:

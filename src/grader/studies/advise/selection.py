@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
-from math import inf, isclose, isfinite, nan
+from math import ceil, floor, inf, isclose, isfinite, log10, nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,7 @@ class Selection:
     """The best candidate, or None, with the reason in words.
 
     `margin` is the tolerance over the error of the best; `reference_error` the uncertainty of the reference. `front`
-    holds the candidates that no other beats in both cost and error, the cheapest first. `own` is the model's own
+    holds what `find_front` finds. `own` is the model's own
     setting. `told` is the smallest tolerance for which this reference could tell, None if there is no reference.
     `reference` says how that was made; errors are held against `tolerance`. `until_s` is the time [s] up to which it is
     certain enough, None for the whole run: the choice is then for that time.
@@ -134,12 +134,29 @@ def describe_setting(candidate: Candidate) -> str:
     return f"{candidate.integrator.name} at {1000 * candidate.timestep_s:.4g} ms"
 
 
-def find_front(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Returns the candidates that no other beats in both cost and error (the Pareto front), the cheapest first."""
+def write_error(error: float, doubt: float, form: str = ".2g", below: str = "below ") -> str:
+    """Returns an error that is finite, such as `0.0012`. One below the uncertainty of the reference says only that the
+    true one is no larger than their sum, such as `below 8.8e-05`, which is rounded up."""
+    if error >= doubt:
+        return f"{error:{form}}"
+    digit = 10.0 ** (floor(log10(error + doubt)) - 1)
+    return f"{below}{ceil((error + doubt) / digit) * digit:{form}}"
+
+
+def describe_error(error: float, doubt: float) -> str:
+    """Returns the same in words: `an error of 0.0012` or `an error below 8.8e-05`."""
+    return f"an error {'of ' if error >= doubt else ''}{write_error(error, doubt)}"
+
+
+def find_front(candidates: Sequence[Candidate], doubt: float) -> tuple[Candidate, ...]:
+    """Returns the candidates that no other beats in both cost and error (the Pareto front), the cheapest first. Errors
+    below the uncertainty of the reference, `doubt`, are all the same."""
     front: list[Candidate] = []
+    lowest = inf
     choices = (candidate for candidate in candidates if not candidate.confirms)
-    for candidate in sorted(choices, key=lambda c: (c.cost, c.error, PREFERENCE.index(c.integrator))):
-        if candidate.error < min((c.error for c in front), default=inf):
+    for candidate in sorted(choices, key=lambda c: (c.cost, max(c.error, doubt), PREFERENCE.index(c.integrator))):
+        if max(candidate.error, doubt) < lowest:
+            lowest = max(candidate.error, doubt)
             front.append(candidate)
     return tuple(front)
 
@@ -330,7 +347,7 @@ class _Survey:
             return f"{reason}; {name} has an error of {self.describe_excess(least)}"
         smaller = [c for c in candidates if c.integrator is least.integrator and c.timestep_s < least.timestep_s]
         worse = max((c for c in smaller if not self.passes(c)), key=lambda c: c.error, default=None)
-        reason += f" for certain; {name} has an error of {least.error:.2g}, but "
+        reason += f" for certain; {name} has {describe_error(least.error, self.doubt)}, but "
         if worse is None:
             return reason + "no smaller timestep was measured that confirms it"
         what = "diverges" if worse.error == inf else f"has one of {self.describe_excess(worse)}"
@@ -353,11 +370,12 @@ class _Survey:
         else:
             margin = self.tolerance / best.error if best.error else inf
             cost = f"{best.cost:g} evaluations a second"
-            reason = f"{describe_setting(best)} meets {self.tolerance:g} with an error of {best.error:.2g} at {cost}"
+            error = describe_error(best.error, self.doubt)
+            reason = f"{describe_setting(best)} meets {self.tolerance:g} with {error} at {cost}"
             cheaper = [c for c in candidates if c.cost < best.cost]
             if lucky := [describe_setting(c) for c in cheaper if self.passes(c) and self.by_accident(c)]:
                 reason += f"; cheaper, but by accident, as a smaller timestep is worse: {', '.join(lucky)}"
-        front = find_front(candidates)
+        front = find_front(candidates, self.doubt)
         return Selection(best, margin, reason + late, self.doubt, candidates, front, self.measured[own])
 
 
