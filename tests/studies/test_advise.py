@@ -15,7 +15,7 @@ from grader.numerics.accuracy.reference import list_sample_times
 from grader.numerics.integrators import DISCRETE, IMPLICITFAST, INTEGRATORS, RK4
 from grader.numerics.rollout import simulate
 from grader.studies.advise.meter import SAMPLE_S
-from grader.studies.advise.page import draw_table
+from grader.studies.advise.page import draw_page, draw_table
 from grader.studies.advise.report import Advice, RunStart, advise, build_scene, find_binding_stiffness, find_energy_loss
 from grader.studies.advise.selection import START, Candidate, select
 from grader.studies.bench.scenes import find_scene, read_scene
@@ -112,6 +112,16 @@ def test_an_error_below_the_uncertainty_of_the_reference_is_printed_as_a_bound()
     assert f"<: no larger than this, as the reference is uncertain by {selection.reference_error:.2g}" in str(advice)
     assert sum(c.error < selection.reference_error for c in selection.front) == 1
     assert "&lt; " in draw_table(advice)
+
+
+def test_the_times_of_comparison_are_told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    advice = advice_on_stiff_servo()
+    assert "compared every 20 ms; what is faster than that may be missed" in str(advice)
+    assert "compared every 20 ms" in draw_page(advice, "servo")
+    monkeypatch.setattr("sys.argv", ["grader", "advise", "--help"])
+    with pytest.raises(SystemExit):
+        main()
+    assert "every 20 ms" in " ".join(capsys.readouterr().out.split())
 
 
 def test_columns_stay_in_line() -> None:

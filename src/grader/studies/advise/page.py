@@ -54,7 +54,8 @@ def draw_page(advice: Advice, title: str) -> str:
 <h2>Every setting that was measured</h2>
 {draw_table(advice)}
 <p>The reference: {escape(advice.selection.reference) or "none"}, uncertain by
-{advice.selection.reference_error:.2g}. Cost: evaluations of the forward dynamics a simulated second.</p>
+{advice.selection.reference_error:.2g}. Error: the largest,
+{advice.describe_samples()}. Cost: evaluations of the forward dynamics a simulated second.</p>
 <h2>The procedure</h2><ol>{steps}</ol>
 {f"<h2>Skipped: proved to change no bit of the result</h2><ul>{skips}</ul>" if skips else ""}
 </main></body></html>

@@ -22,7 +22,7 @@ from grader.numerics.scene import Scene, Values
 from grader.numerics.stability.equilibrium import find_equilibrium
 from grader.numerics.stability.limit import find_spectral_limit
 from grader.numerics.visuals import compile_untextured
-from grader.studies.advise.meter import Quantity
+from grader.studies.advise.meter import SAMPLE_S, Quantity
 from grader.studies.advise.references import Say
 from grader.studies.advise.selection import (
     QUARTER,
@@ -116,6 +116,7 @@ class Advice:
             mark = ">" if candidate == self.choice else "*" if candidate in self.selection.front else " "
             lines.append(f"{mark} {name:{width}}{error:>10}{cost:>10}{cpu:>10}  {candidate.warning or 'none'}")
         lines.append("> the choice   * no other setting is both cheaper and more accurate")
+        lines.append(f"error: the largest, {self.describe_samples()}")
         if any(candidate.error < doubt for candidate in self.selection.candidates):
             lines.append(f"<: no larger than this, as the reference is uncertain by {doubt:.2g}")
         if any(candidate.confirms for candidate in self.selection.candidates):
@@ -130,6 +131,10 @@ class Advice:
         """Returns the setting in words; the model's own and one that is no choice are marked."""
         mark = " (the model's own)" if candidate == self.selection.own else " (confirms)" if candidate.confirms else ""
         return describe_setting(candidate) + mark
+
+    def describe_samples(self) -> str:
+        """Returns at which times runs are compared with the reference."""
+        return f"compared every {1e3 * SAMPLE_S:g} ms; what is faster than that may be missed"
 
     def own_setting(self) -> str | None:
         """What the choice saves over the model's own setting, or what it costs."""
