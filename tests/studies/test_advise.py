@@ -237,6 +237,9 @@ def test_discrete_is_measured_where_a_servo_is_stiff() -> None:
         ([], 2, "--perturb"),
         (["--qpos", "1,x"], 2, "separated by commas"),
         (["--qpos", "1", "--budget", "0"], 1, "cannot tell"),
+        (["--qpos", "1", "--budget", "-5"], 2, "--budget must be 0 s or more, not -5"),
+        (["--qpos", "1", "--budget", "nan"], 2, "--budget must be 0 s or more, not nan"),
+        (["--perturb=-1"], 2, "--perturb must be 0 or more and finite, not -1"),
         (["--qpos", "1", "--tol", "1e-15"], 1, "could be told"),
     ],
 )

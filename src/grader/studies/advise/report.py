@@ -68,8 +68,8 @@ class RunStart:
             scene = scene.at(key=key, qpos=self.qpos, qvel=self.qvel, ctrl=self.ctrl)
         except (KeyError, ValueError) as error:
             raise Unprocessable(str(error.args[0])) from error
-        if not isfinite(self.perturb):
-            raise Unprocessable(f"--perturb must be a finite number, not {self.perturb}")
+        if not 0 <= self.perturb < inf:
+            raise Unprocessable(f"--perturb must be 0 or more and finite, not {self.perturb:g}")
         drawn = np.random.default_rng(PERTURBATION_SEED).uniform(-1, 1, scene.model.nv)
         return scene.at(qvel=scene.start.qvel + self.perturb * drawn) if self.perturb else scene
 
@@ -161,6 +161,8 @@ def advise(
     Raises Unprocessable for a model, tolerance, start or length that cannot be used, for an expression that fails, and
     where nothing moves by more than the tolerance; ContentError for an expression that does not compile.
     """
+    if not budget_s >= 0:
+        raise Unprocessable(f"--budget must be 0 s or more, not {budget_s:g}")
     try:
         scene = build_scene(model, start or RunStart())
         selection = select(
