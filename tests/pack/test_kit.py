@@ -21,6 +21,7 @@ from grader.library import Library, load
 from grader.numerics.version import INSTALLED
 from grader.pack.kit import build_kit, list_texts
 from grader.settings import Settings
+from mjgrader.judges import JUDGES
 from support.bare_environments import make_environment
 from support.content import PASSED
 from support.sites import ROOT, Site, open_site
@@ -170,7 +171,12 @@ def test_a_kit_has_all_that_is_promised_in_the_same_bytes(
         readme = kit.read(f"{question}/README.md").decode()
         assert len(readme.splitlines()) <= 12
         assert f"`{script}`" in readme
-        assert "with another major" in " ".join(readme.split())
+        words = " ".join(readme.split())
+        assert "with another major version" in words
+        judged_here = exercise["kind"] in JUDGES and any(trial["problem"] for trial in exercise["trials"])
+        assert ("judges the visible cases here" in words) == judged_here
+        assert ("sees that the script can be imported, judges nothing" in words) == (is_script and not judged_here)
+        assert ("The server judges, all cases." in words) != judged_here
         assert f"`pip install mujoco=={INSTALLED}{' numpy' if is_script else ''}`" in readme
         asked = libraries[content].question(quiz, question)
         visible = [case for case in asked.check.parameters["cases"] if not case.get("hidden")]  # type: ignore[attr-defined]
@@ -186,6 +192,12 @@ def test_a_kit_has_all_that_is_promised_in_the_same_bytes(
         )
         nbformat.validate(notebook)
         assert notebook.cells[0].source.startswith(f"# {exercise['title']}")
+        checks = (
+            "Judges the visible cases here"
+            if judged_here
+            else "Sees that the script can be imported; the server judges"
+        )
+        assert notebook.cells[3].source.startswith(f"# {checks}. No attempt is used.")
         assert notebook.cells[2].source == kit.read(f"{question}/{script}").decode()
 
 

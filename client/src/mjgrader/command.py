@@ -28,7 +28,7 @@ def build_parser() -> argparse.ArgumentParser:
     start.add_argument("question", help="the exercise's id, such as servo-threshold")
     start.add_argument("--quiz", help="its quiz, where several have it")
     for name, text in (
-        ("check", "judge the visible cases here; no attempt is used"),
+        ("check", "judge the visible cases here, where not the server alone can; no attempt is used"),
         ("submit", "hand in, and wait for the verdict"),
         ("result", "show the newest verdict"),
     ):
@@ -44,7 +44,8 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def main() -> None:
-    """Runs one command. Exits with 0 for right, 1 for anything else, 2 where it could not be done."""
+    """Runs one command. Exits with 0 for right, 1 for anything else, 2 where it could not be done. A check is right
+    where no case is wrong, as where only the server judges and the script can be imported."""
     parser = build_parser()
     asked = parser.parse_args()
     if asked.command is None:

@@ -31,18 +31,27 @@ README = """# {title}
 - `{notebook}` has the task and the same script, for Jupyter, VS Code and Colab.
 - `mjcourse.py` finds the models in `models/`, as the course's own module does on the server.
 - `exercise.json` has the visible cases, and says how they are judged.
-- With `mujoco-grader-client`, a wheel that your course gives you: `mjgrade check {script}` judges the visible cases
-  here and uses no attempt; `mjgrade submit {script}` hands in. Without it, hand in on the exercise's page.
-{address}- The server decides. It has MuJoCo {mujoco}; with another version the last digits may differ, with another
-  major version verdicts too: then `pip install mujoco=={mujoco}`.
+- With `mujoco-grader-client`, a wheel that your course gives you: `mjgrade check {script}` {checks}
+  and uses no attempt; `mjgrade submit {script}` hands in. Without it, hand in on the exercise's page.
+{address}- {decides}
 """
 
+JUDGED_HERE = {
+    "checks": "judges the visible cases here",
+    "decides": """The server decides. It has MuJoCo {mujoco}; with another version the last digits may differ, with
+  another major version verdicts too: then `pip install mujoco=={mujoco}`.""",
+}
+JUDGED_THERE = {
+    "checks": "sees that the script can be imported, judges nothing",
+    "decides": """The server judges, all cases. It has MuJoCo {mujoco}; with another version the last digits may differ,
+  with another major version also whether an answer is right: then `pip install mujoco=={mujoco}`.""",
+}
+"""What the client's `check` does where it can judge a visible case, and where only the server judges."""
 
 ON_THE_SERVER = """\
 - `mjgrade submit {script}`, of the wheel `mujoco-grader-client` that your course gives you, hands in. Without it,
   hand in on the exercise's page.
-{address}- The server judges, all cases. It has MuJoCo {mujoco}; with another version the last digits may differ,
-  with another major version also whether an answer is right: then `pip install mujoco=={mujoco}`.
+{address}- {decides}
 """
 
 READMES = {
@@ -125,8 +134,11 @@ def list_texts(library: Library, quiz: str, name: str, *, judged: bool, origin: 
         **{f"models/{model}.xml": library.model_xml(model) for model in sorted(named)},
     }
     address = ADDRESS.format(origin=origin, quiz=quiz, question=name) if origin else ""
+    judges_here = question.takes == "python" and any(trial["problem"] is not None for trial in exercise["trials"])
+    sentences = JUDGED_HERE if judges_here else JUDGED_THERE
     values: dict[str, Any] = {
         **exercise,
+        **{key: sentence.format_map(exercise) for key, sentence in sentences.items()},
         "address": address,
         "hidden": exercise["hidden_points"],
         "script": script,

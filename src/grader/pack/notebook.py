@@ -25,7 +25,7 @@ if importlib.util.find_spec("mujoco") is None:
 """
 
 CHECK = """\
-# Judges the visible cases here, which uses no attempt.
+# {what}. No attempt is used.
 try:
     import mjgrader as g
 except ModuleNotFoundError:
@@ -54,12 +54,14 @@ def build_notebook(
     and the function written."""
     files = json.dumps(texts, ensure_ascii=False)
     how = f"{UNCOMMENT}." if origin else f"{UNCOMMENT}, and write the address of your course's page."
+    judges_here = any(trial["problem"] is not None for trial in exercise["trials"])
+    what = "Judges the visible cases here" if judges_here else "Sees that the script can be imported; the server judges"
     handing_in = {**exercise, "how": how, "origin": origin or EXAMPLE}
     cells = [
         make_cell("task", "markdown", f"# {exercise['title']}\n\n{task}\n"),
         make_cell("set-up", "code", SET_UP.format(files=files, mujoco=exercise["mujoco"])),
         make_cell("script", "code", starter),
-        make_cell("check", "code", CHECK.format_map(exercise)),
+        make_cell("check", "code", CHECK.format_map({**exercise, "what": what})),
         make_cell("submit", "code", SUBMIT.format_map(handing_in)),
     ]
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
