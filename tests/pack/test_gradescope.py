@@ -25,8 +25,9 @@ from packaging.utils import canonicalize_name
 from grader.errors import Conflict, NotFound, Unprocessable
 from grader.library import load
 from grader.pack import pack_gradescope
-from grader.pack.gradescope import build_wheels
+from grader.pack.gradescope import build_content, build_wheels
 from grader.pack.wheel import list_constraints, write_wheel
+from grader.questions.kinds.script import ScriptQuestion
 from support.content import PASSED, load_content
 
 ROOT = Path(__file__).parents[2]
@@ -213,6 +214,17 @@ def test_the_package_holds_what_grading_needs_and_nothing_more(tmp_path: Path) -
 
 
 @pytest.mark.slow
+def test_the_page_says_that_the_model_of_the_author_is_packed() -> None:
+    library = load_content()
+    asked = library.question("4.1-exercises", "arm")
+    assert isinstance(asked, ScriptQuestion)
+    packed = {file.path: file.mode for file in build_content(library, "4.1-exercises", asked)}
+    assert packed["content/quizzes/solutions/arm.xml"] == 0o600  # no script can read it
+    assert not any("cart.xml" in path and "solutions" in path for path in packed)
+    page = " ".join((ROOT / "docs/classroom.md").read_text(encoding="utf-8").split())
+    assert "for an exercise of the kind `model` the author's model, its `reference`" in page
+
+
 def test_what_is_secret_is_its_owners_alone_and_new_in_each_package(tmp_path: Path) -> None:
     one, other = pack(tmp_path / "one"), pack(tmp_path / "other")
     assert (one / "key").read_bytes() != (other / "key").read_bytes()

@@ -77,7 +77,7 @@ def build_scripts(quiz: str, question: ScriptQuestion, *, allow_t2: bool) -> lis
 
 def build_content(library: Library, quiz: str, question: ScriptQuestion) -> list[PackedFile]:
     """Returns a content folder with this question alone, and the models, which scripts may read. No other question, no
-    explanation, no starter and no reference solution is in it."""
+    explanation, no starter and nothing of reference_solutions/ is in it; what judging needs of the author's is."""
     file = library.file(quiz)
     sources = {path: text for path, text in library.sources[quiz].items() if isinstance(text, str)}  # no pictures
     raw: dict[str, Any] = parse_quiz(sources[file], file).raw or {}
