@@ -116,8 +116,8 @@ def test_an_error_below_the_uncertainty_of_the_reference_is_printed_as_a_bound()
 
 def test_the_times_of_comparison_are_told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     advice = advice_on_stiff_servo()
-    assert "compared every 20 ms; what is faster than that may be missed" in str(advice)
-    assert "compared every 20 ms" in draw_page(advice, "servo")
+    assert "compared every 2 ms; what is faster than that may be missed" in str(advice)
+    assert "compared every 2 ms" in draw_page(advice, "servo")
     monkeypatch.setattr("sys.argv", ["grader", "advise", "--help"])
     with pytest.raises(SystemExit):
         main()

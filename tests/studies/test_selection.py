@@ -11,7 +11,7 @@ from grader.numerics.accuracy.reference import list_sample_times, solve_dop853
 from grader.numerics.integrators import DISCRETE, EULER, IMPLICITFAST, RK4, find_refusal
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
-from grader.studies.advise.meter import SAMPLE_S, Quantity
+from grader.studies.advise.meter import SAMPLE_S, Meter, Quantity, choose_interval
 from grader.studies.advise.selection import (
     CONFIRMATIONS,
     PREFERENCE,
@@ -133,7 +133,7 @@ def test_the_smallest_timestep_does_not_pass_by_accident() -> None:
 
 
 def test_none_is_explained_by_the_smaller_timestep_that_does_not_confirm() -> None:
-    words = "none of the candidates meets 0.001 for certain; the best, RK4 at 0.1 ms, has an error of 0.00034, but by "
+    words = "none of the candidates meets 0.001 for certain; the best, RK4 at 0.1 ms, has an error of 0.0004, but by "
     assert accident().reason == words + "accident, as RK4 at 0.05 ms has one of 0.01"
 
 
@@ -203,12 +203,39 @@ def test_noise_below_the_uncertainty_of_the_reference_is_not_on_the_front() -> N
     assert [c.timestep_s for c in find_front(candidates, 0.0)] == list(sizes)
 
 
+@pytest.mark.parametrize(
+    ("seconds", "interval_s"), [(2.0, 0.02), (1.0, 0.02), (0.9, 0.01), (0.5, 0.01), (0.2, 0.002), (0.02, 0.001)]
+)
+def test_short_runs_are_compared_more_often(seconds: float, interval_s: float) -> None:
+    assert choose_interval(seconds) == interval_s
+    meter = Meter(DOUBLE, seconds, None, interval_s)
+    for timestep_s in TIMESTEPS_S:
+        times = meter.times_of(timestep_s)
+        assert len(times)
+        assert np.isclose(times[:, None], meter.grid_s, rtol=0, atol=1e-9).any(axis=1).all()
+
+
+def test_an_error_that_decays_within_20_ms_is_seen() -> None:
+    """A servo of 1732 rad/s: at multiples of 20 ms, implicitfast at 0.5 ms would seem to be within 0.01."""
+    servo = "<actuator><position joint='hinge' kp='1e6' kv='100'/></actuator>"
+    stiff = Scene.from_xml(hinge(rest=servo)).at(qpos=[0.5])
+    chosen = select(stiff, tolerance=1e-2, seconds=0.2)
+    assert chosen.interval_s == 0.002
+    assert chosen.best is not None
+    times = list_sample_times(0.2, 5e-4)
+    run = simulate(
+        stiff, seconds=0.2, timestep_s=chosen.best.timestep_s, integrator=chosen.best.integrator.code, at_s=times
+    )
+    error = measure_distance(stiff, run, solve_dop853(stiff, times)).qpos
+    assert error <= 1e-2
+
+
 @pytest.mark.parametrize("timestep_s", [0.003, 1 / 120, 0.0007])
 def test_the_models_own_setting_is_measured_at_its_own_steps(timestep_s: float) -> None:
     own = DOUBLE.changed(lambda model: setattr(model.opt, "timestep", timestep_s))
     chosen = select(own, tolerance=1e-3, seconds=0.4)
     assert chosen.own is not None
-    steps = np.unique(np.rint(np.asarray(list_sample_times(0.4, SAMPLE_S)) / timestep_s))
+    steps = np.unique(np.rint(np.asarray(list_sample_times(0.4, choose_interval(0.4))) / timestep_s))
     truth = solve_dop853(DOUBLE, steps * timestep_s)
     run = simulate(DOUBLE, steps=int(steps[-1]), timestep_s=timestep_s, at_s=steps * timestep_s)
     assert chosen.own.error == pytest.approx(measure_distance(DOUBLE, run, truth).qpos, rel=1e-6)

@@ -35,7 +35,8 @@ def advise(
 ) -> None:
     """Pick integrator and timestep by the lesson's procedure, with the measurements.
 
-    Runs are compared with a reference every 20 ms: what is faster than that may be missed.
+    Runs are compared with a reference every 20 ms, those shorter than 1 s more often: what is faster than that may be
+    missed.
 
     Exits with 0 for a choice that holds for the whole run, with 1 if there is none, and with 4 for one that holds up to
     the time it names: run it again with --seconds of that time, or with a larger --tol.

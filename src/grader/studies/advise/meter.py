@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import inf, isfinite
+from math import inf, isclose, isfinite
 
 import mujoco
 import numpy as np
@@ -16,7 +16,14 @@ from grader.numerics.scene import Scene, Vector
 from grader.studies.advise.measures import measure_quantity
 
 SAMPLE_S = 0.02
-"""Errors are evaluated at multiples of this; every timestep in TIMESTEPS_S divides it."""
+"""Errors are evaluated at multiples of this in runs of a second or more; every timestep in TIMESTEPS_S divides it."""
+
+SHORTER_S = (0.01, 0.002, 0.001)
+"""The same in shorter runs, the largest with SAMPLES in the run. A timestep in TIMESTEPS_S that does not divide it is
+compared at common multiples; on 5 ms, 2 ms would have one in 10 ms only."""
+
+SAMPLES = 50
+"""So many that runs of a second are compared at multiples of SAMPLE_S."""
 
 Quantity = Callable[[mujoco.MjModel, mujoco.MjData], float]
 States = Rollout | Reference
@@ -36,14 +43,20 @@ class Run:
 class Meter:
     """Runs a scene and measures errors against a reference, in positions or in a quantity."""
 
-    def __init__(self, scene: Scene, seconds: float, quantity: Quantity | None) -> None:
-        self.scene, self.quantity = scene, quantity
-        self.grid_s = np.asarray(list_sample_times(seconds, SAMPLE_S))
+    def __init__(
+        self, scene: Scene, seconds: float, quantity: Quantity | None, interval_s: float = SAMPLE_S
+    ) -> None:  # fmt: skip
+        self.scene, self.quantity, self.interval_s = scene, quantity, interval_s
+        self.grid_s = np.asarray(list_sample_times(seconds, interval_s))
         self.seconds = float(self.grid_s[-1])
 
     def times_of(self, timestep_s: float) -> Vector:
-        """Returns the times [s] at which a run is compared: the steps nearest to the multiples of SAMPLE_S."""
-        steps = np.unique(np.rint(self.grid_s / timestep_s))
+        """Returns the times [s] at which a run is compared: its steps at multiples of the interval. A timestep that
+        does not divide SAMPLE_S has none, and is compared at the steps nearest to them."""
+        steps = self.grid_s / timestep_s
+        if isclose(SAMPLE_S / timestep_s, round(SAMPLE_S / timestep_s)):
+            steps = steps[np.abs(steps - np.rint(steps)) < 1e-6]
+        steps = np.unique(np.rint(steps))
         return np.asarray(steps[steps > 0] * timestep_s)
 
     def run(self, setting: Setting, at_s: Vector | None = None) -> Run:
@@ -114,6 +127,12 @@ class Meter:
         still = simulate(self.scene, steps=0)
         values = measure_quantity(self.scene, run, self.quantity)
         return float(np.max(np.abs(values - measure_quantity(self.scene, still, self.quantity)[0]), initial=0.0))
+
+
+def choose_interval(seconds: float) -> float:
+    """Returns the interval [s] at which runs of this length are compared."""
+    fitting = (interval_s for interval_s in (SAMPLE_S, *SHORTER_S) if seconds >= SAMPLES * interval_s * (1 - 1e-9))
+    return next(fitting, SHORTER_S[-1])
 
 
 def interpolate(scene: Scene, run: States, times: Vector) -> Reference:

@@ -22,7 +22,7 @@ from grader.numerics.scene import Scene, Values
 from grader.numerics.stability.equilibrium import find_equilibrium
 from grader.numerics.stability.limit import find_spectral_limit
 from grader.numerics.visuals import compile_untextured
-from grader.studies.advise.meter import SAMPLE_S, Quantity
+from grader.studies.advise.meter import Quantity
 from grader.studies.advise.references import Say
 from grader.studies.advise.selection import (
     QUARTER,
@@ -134,7 +134,7 @@ class Advice:
 
     def describe_samples(self) -> str:
         """Returns at which times runs are compared with the reference."""
-        return f"compared every {1e3 * SAMPLE_S:g} ms; what is faster than that may be missed"
+        return f"compared every {1e3 * self.selection.interval_s:g} ms; what is faster than that may be missed"
 
     def own_setting(self) -> str | None:
         """What the choice saves over the model's own setting, or what it costs."""

@@ -21,7 +21,7 @@ from grader.numerics.integrators import BY_CODE, DISCRETE, EULER, IMPLICIT, IMPL
 from grader.numerics.rollout import Rollout
 from grader.numerics.scene import Scene, Vector
 from grader.numerics.stepping import STEPS_MAX
-from grader.studies.advise.meter import SAMPLE_S, Meter, Quantity, Run, Setting
+from grader.studies.advise.meter import SAMPLE_S, Meter, Quantity, Run, Setting, choose_interval
 from grader.studies.advise.references import CORES, REFERENCE_S, REFERENCE_SHARE, UNTIL_MIN_S, References, Say
 
 TIMESTEPS_S = (0.0001, 0.0002, 0.00025, 0.0005, 0.001, 0.002, 0.0025, 0.004, 0.005, 0.01, 0.02)
@@ -71,7 +71,7 @@ class Selection:
     holds what `find_front` finds. `own` is the model's own
     setting. `told` is the smallest tolerance for which this reference could tell, None if there is no reference.
     `reference` says how that was made; errors are held against `tolerance`. `until_s` is the time [s] up to which it is
-    certain enough, None for the whole run: the choice is then for that time.
+    certain enough, None for the whole run: the choice is then for that time. Runs were compared every `interval_s`.
     """
 
     best: Candidate | None
@@ -85,6 +85,7 @@ class Selection:
     reference: str = ""
     tolerance: float = nan
     until_s: float | None = None
+    interval_s: float = SAMPLE_S
 
 
 class QuantityStill(ValueError):
@@ -116,8 +117,9 @@ def select(
     with ThreadPoolExecutor(CORES) as pool:
         able = [integrator for integrator in integrators if find_refusal(scene.model, integrator) is None]
         offered = {integrator: sorted(timesteps_s, reverse=True) for integrator in able}
-        meter, until = Meter(scene, seconds, quantity), time.monotonic() + budget_s
-        return _Survey(meter, tolerance, offered, until=until, progress=progress, pool=pool).select()
+        meter, until = Meter(scene, seconds, quantity, choose_interval(seconds)), time.monotonic() + budget_s
+        chosen = _Survey(meter, tolerance, offered, until=until, progress=progress, pool=pool).select()
+        return replace(chosen, interval_s=meter.interval_s)
 
 
 def check_question(tolerance: float, seconds: float, timesteps_s: Sequence[float] = TIMESTEPS_S) -> None:
@@ -208,7 +210,7 @@ class _Survey:
                 + (f"never move{ending}" if moved == 0 else f"move{ending} by {moved:.2g} only")
                 + f" within {self.meter.seconds:g} s, and a tolerance of {self.tolerance:g} allows any method"
             )
-        times = np.unique(np.concatenate([self.meter.times_of(h) for h in (own[1], SAMPLE_S)]))
+        times = np.unique(np.concatenate([self.meter.times_of(own[1]), self.meter.grid_s]))
         search = References(
             self.meter, self.tolerance, frozenset(self.offered), first=[runs[START].rollout, runs[QUARTER].rollout],
             until=self.until, evaluation_s=self.evaluation_s, progress=self.progress, pool=self.pool,
@@ -240,10 +242,11 @@ class _Survey:
         """Measure only as long as the reference is certain enough [s]; None where nothing can be told of that time."""
         if not accepted.any():
             return None
-        seconds = SAMPLE_S * int(times[accepted][-1] / SAMPLE_S + 1e-6)
+        interval_s = self.meter.interval_s
+        seconds = interval_s * int(times[accepted][-1] / interval_s + 1e-6)
         if seconds < max(UNTIL_MIN_S, 2 * own[1]):
             return None
-        shorter = Meter(self.meter.scene, seconds, self.meter.quantity)
+        shorter = Meter(self.meter.scene, seconds, self.meter.quantity, interval_s)
         if shorter.excursion(shorter.cut(start).rollout) <= self.tolerance:
             return None
         self.meter, self.doubt = shorter, float(doubts[times <= seconds + 1e-9][-1])
