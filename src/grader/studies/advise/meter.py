@@ -19,11 +19,11 @@ SAMPLE_S = 0.02
 """Errors are evaluated at multiples of this in runs of a second or more; every timestep in TIMESTEPS_S divides it."""
 
 SHORTER_S = (0.01, 0.002, 0.001)
-"""The same in shorter runs, the largest with SAMPLES in the run. A timestep in TIMESTEPS_S that does not divide it is
-compared at common multiples; on 5 ms, 2 ms would have one in 10 ms only."""
+"""The same in shorter runs: the largest that gives SAMPLES. A timestep that does not divide it is compared at common
+multiples alone. 5 ms is left out, as runs at 2 ms would be compared every 10 ms there."""
 
 SAMPLES = 50
-"""So many that runs of a second are compared at multiples of SAMPLE_S."""
+"""Least number of samples, where the shortest interval gives so many: those of a second at SAMPLE_S."""
 
 Quantity = Callable[[mujoco.MjModel, mujoco.MjData], float]
 States = Rollout | Reference

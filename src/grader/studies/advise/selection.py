@@ -68,10 +68,10 @@ class Selection:
     """The best candidate, or None, with the reason in words.
 
     `margin` is the tolerance over the error of the best; `reference_error` the uncertainty of the reference. `front`
-    holds what `find_front` finds. `own` is the model's own
-    setting. `told` is the smallest tolerance for which this reference could tell, None if there is no reference.
-    `reference` says how that was made; errors are held against `tolerance`. `until_s` is the time [s] up to which it is
-    certain enough, None for the whole run: the choice is then for that time. Runs were compared every `interval_s`.
+    holds what `find_front` finds. `own` is the model's own setting. `told` is the smallest tolerance for which this
+    reference could tell, None if there is no reference. `reference` says how that was made; errors are held against
+    `tolerance`. `until_s` is the time [s] up to which it is certain enough, None for the whole run: the choice is then
+    for that time. Runs were compared every `interval_s`.
     """
 
     best: Candidate | None
@@ -102,9 +102,8 @@ def select(
     Errors are sup norms of `quantity`, by default of qpos. START, QUARTER and the model's own setting are always
     measured. Of each integrator the largest timestep comes first; it ends where its next setting costs more than the
     cheapest that passes. CONFIRMATIONS smaller timesteps must confirm that one, and half the smallest confirms the
-    smallest. An integrator that MuJoCo refuses for
-    the model is left out. No run begins that would last beyond `budget_s` of wall time; the best of what was measured
-    is then returned.
+    smallest. An integrator that MuJoCo refuses for the model is left out. No run begins that would last beyond
+    `budget_s` of wall time; the best of what was measured is then returned.
 
     Raises ValueError as `check_question` does, and for timesteps that do not divide SAMPLE_S; Still where the quantity
     moves too little.

@@ -69,9 +69,9 @@ def control_step(entry: Any, model: mujoco.MjModel, inputs: Mapping[str, Any]) -
         set_state(model, data, given, STATE)
         forward(model, data)
         returned = entry(model, data, *values[size:].tolist())
-        get_state(model, data, now, STATE)
-        if not state["seen"] and now.tobytes() != given.tobytes():
-            state["seen"] = note_written(model, now, given)
+        if not state["seen"]:
+            get_state(model, data, now, STATE)
+            state["seen"] = now.tobytes() != given.tobytes() and note_written(model, now, given)
         if returned is not None and not state["returned"] and ctrl.any():
             state["returned"] = note("wrote", {"parts": ["ctrl"]})
         return ctrl.copy() if returned is None else returned

@@ -323,13 +323,13 @@ def count_digits(text: str) -> int:
 def _convert(number: float, name: str, shown: str) -> Quantity:
     """Convert a number in the unit `name` to the unit `shown`. Raises InvalidAnswer."""
     typed = read_unit(name)
-    if not shown and "pi" not in dict(typed.powers):
-        _require_proportion(typed)
     wanted = known_unit(shown) if shown else NO_UNIT
     if wanted is None:
         raise InvalidAnswer(f"{quoted(name)} is not what is counted")
     if "pi" in dict(typed.powers) and "pi" not in dict(wanted.powers):  # which pint knows as a unit
         raise InvalidAnswer(f"{quoted(name)} has pi where the unit stands: type parentheses, as in 10/(2*pi)")
+    if not shown:
+        _require_proportion(typed)
     return Quantity(check_finite(convert(number, typed, wanted), f"{number:g} {name}"), number, typed, shown)
 
 

@@ -22,7 +22,7 @@ from grader.questions.kinds.number.units import (
 
 DECADES_MAX = 12
 GRAVITIES = (9.81, math.pi**2)
-"""Factors that a power of ten is told from where a number is nearer to them, as 2 is for a weight of 19.62 N."""
+"""Factors near 10 that are named in its place where the number is off by nearly them: 2 for a weight of 19.62 N."""
 FACTOR_OFF_MAX = 0.006
 """Largest relative difference from such a factor: not quite half the way from pi² to 10."""
 NEAR_MAX = 0.02

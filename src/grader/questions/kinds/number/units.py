@@ -84,12 +84,16 @@ class Rotation(Enum):
 
 
 SECONDS, MILLISECONDS = (("second", 1),), (("millisecond", 1),)
-COMMON_FACTORS: dict[tuple[Powers, Powers], float] = {(SECONDS, MILLISECONDS): 1000.0, (MILLISECONDS, SECONDS): 0.001}
-"""Factors that most content of this course needs, with the bits of pint: they spare a start the time that it takes."""
-
 PER_MINUTE: Powers = (("minute", -1),)
 """`1/min`, in which Europe writes revolutions per minute."""
-REVOLUTIONS_PER_MINUTE: Powers = (("revolutions_per_minute", 1),)
+
+COMMON_FACTORS: dict[tuple[Powers, Powers], float] = {
+    (SECONDS, MILLISECONDS): 1000.0,
+    (MILLISECONDS, SECONDS): 0.001,
+    (PER_MINUTE, (("revolutions_per_minute", 1),)): 1.0,
+}
+"""Factors that most content of this course needs, with the bits of pint, which they spare a start; and one that pint
+does not know."""
 
 UNCLEAR = frozenset(frozenset(pair) for pair in ((Rotation.CYCLES, Rotation.ANGLE), (Rotation.TURNS, Rotation.NONE)))
 """Conversions with two readings: `1 Hz` can mean 1 or 2 pi rad/s, and `1 rpm` 1 or 2 pi per minute."""
@@ -253,8 +257,6 @@ def convert(value: float, given: Unit, wanted: Unit) -> float:
         return value
     if (known := COMMON_FACTORS.get((given.powers, wanted.powers))) is not None:
         return value * known
-    if (given.powers, wanted.powers) == (PER_MINUTE, REVOLUTIONS_PER_MINUTE):
-        return value
     from pint import PintError
 
     try:
