@@ -29,6 +29,7 @@ MARKS = {
     "subprocess": "process",
     "process_of": "process",
     "fork_command": "process",
+    "check_source": "process",
 }
 """What a name in the code says about a test."""
 

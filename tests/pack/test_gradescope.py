@@ -44,7 +44,7 @@ Grade = Callable[..., tuple[int, str, Result]]
 
 
 def pack(out: Path, question: tuple[str, str] = EXERCISE, **options: Any) -> Path:
-    return pack_gradescope(load_content(), *question, out, **options)
+    return pack_gradescope(load_content(question[0]), *question, out, **options)
 
 
 @pytest.fixture(scope="module")

@@ -252,7 +252,7 @@ def test_every_starter_runs_with_mujoco_and_numpy_alone(libraries: dict[str, Lib
 
 @pytest.fixture(scope="module")
 def lesson(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with open_site(Settings(content=ROOT, data=tmp_path_factory.mktemp("kits"), workers=0)) as site:
+    with open_site(Settings(data=tmp_path_factory.mktemp("kits"), workers=0)) as site:
         yield site
 
 
@@ -288,8 +288,7 @@ def test_the_page_links_the_kit(lesson: Site) -> None:
 
 def test_a_kit_is_not_sent_before_its_quiz_opens(tmp_path: Path) -> None:
     folder = tmp_path / "content"
-    for part in ("quizzes", "models"):
-        shutil.copytree(ROOT / part, folder / part)
+    shutil.copytree(Settings().content, folder)
     path = folder / "quizzes" / "1.3-exercises.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "policy": {"opens": "2199-01-01T00:00:00Z"}}))
     with open_site(Settings(content=folder, data=tmp_path / "data", workers=0)) as site:
