@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from grader.numerics.accuracy.convergence import OrderFit, fit_order, measure_distance
+from grader.numerics.accuracy.drift import measure_drift
 from grader.numerics.accuracy.reference import list_sample_times, solve_dop853
 from grader.numerics.accuracy.runge_kutta import step_lie_rk4, step_mujoco_rk4
+from grader.numerics.integrators import EULER
 from grader.numerics.rollout import simulate
 from grader.numerics.scene import Scene
+from grader.numerics.shares import bound_share
 from grader.numerics.stepping import Stepper
 from grader.numerics.version import RK4_ORDER_ON_ROTATIONS
 from numerics.measuring import errors
@@ -62,6 +65,24 @@ def test_an_order_needs_three_positive_errors() -> None:
     for timesteps, values in (([0.1, 0.2], [1.0, 2.0]), ([0.1, 0.2, 0.4], [0.0, 1.0, 2.0]), ([1, 2, 4], [1, inf, 2])):
         with pytest.raises(ValueError, match="three or more"):
             fit_order(timesteps, values)
+
+
+def test_an_order_needs_timesteps_that_differ() -> None:
+    for timesteps in ([0.1, 0.1, 0.1], [0.0, 0.1, 0.2], [-0.1, 0.1, 0.2], [0.1, 0.2, inf]):
+        with pytest.raises(ValueError, match="timesteps that differ"):
+            fit_order(timesteps, [1.0, 2.0, 4.0])
+
+
+@pytest.mark.parametrize(("successes", "runs"), [(0, 0), (1, 0), (-1, 3), (4, 3)])
+def test_no_share_without_runs_or_with_more_successes(successes: int, runs: int) -> None:
+    with pytest.raises(ValueError, match="have no share"):
+        bound_share(successes, runs)
+
+
+@pytest.mark.parametrize(("steps", "samples"), [(0, 5), (-1, 5), (5, 0)])
+def test_a_drift_needs_steps_and_samples(steps: int, samples: int) -> None:
+    with pytest.raises(ValueError, match="steps and samples"):
+        measure_drift(DOUBLE, EULER, 0.01, steps, samples)
 
 
 def test_a_run_that_ended_early_is_infinitely_far() -> None:

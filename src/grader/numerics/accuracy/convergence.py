@@ -70,12 +70,15 @@ class OrderFit:
 
 def fit_order(timesteps_s: Sequence[float], error_values: Sequence[float]) -> OrderFit:
     """Fit the order by least squares through three or more points. Source: Student's t interval of a regression slope.
-    Raises ValueError for fewer points, or errors that are zero or not finite."""
+    Raises ValueError for fewer points, for errors or timesteps that are not positive and finite, and for one timestep
+    alone."""
     from scipy import special  # SciPy takes half of the time that the grader takes to start
 
     h, e = np.asarray(timesteps_s, dtype=np.float64), np.asarray(error_values, dtype=np.float64)
     if len(h) < 3 or not np.all((e > 0) & np.isfinite(e)):
         raise ValueError("an order needs three or more positive, finite errors")
+    if not np.all((h > 0) & np.isfinite(h)) or h.min() == h.max():
+        raise ValueError("an order needs positive, finite timesteps that differ")
     (slope, _), covariance = np.polyfit(np.log(h), np.log(e), 1, cov=True)
     half = float(special.stdtrit(len(h) - 2, 0.975) * np.sqrt(covariance[0, 0]))
     return OrderFit(float(slope), float(slope) - half, float(slope) + half)

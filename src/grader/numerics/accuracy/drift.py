@@ -32,7 +32,10 @@ class Drift:
 
 def measure_drift(scene: Scene, integrator: Integrator, timestep_s: float, steps: int, samples: int) -> Drift:
     """Step from the scene's start and read the energy at about `samples` times. It is derived for the state of that
-    time: mj_step leaves in `data.energy` that of the state before, or of RK4's last stage."""
+    time: mj_step leaves in `data.energy` that of the state before, or of RK4's last stage. Raises ValueError for less
+    than one step or sample."""
+    if steps < 1 or samples < 1:
+        raise ValueError(f"a drift needs steps and samples, not {steps} and {samples}")
     every = max(1, steps // samples)
     done, costs, warnings = [0], list[float](), list[MujocoWarning]()
     with scene.borrow(timestep_s=timestep_s, integrator=integrator.code, keep=False) as workspace:
