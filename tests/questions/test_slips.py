@@ -64,6 +64,14 @@ def test_seconds_for_milliseconds() -> None:
         (20, "rad/s", "400", "is the square of what is asked: look for a square root that is missing"),
         (1.5, None, "1.2247", "is the square root of what is asked"),
         (1.5915, "Hz", "10", "is off by a factor of 2 pi: frequency in Hz and angular frequency in rad/s differ by it"),
+        (10, "rad/s", "1.5915", "would be right in turn/s, but rad/s was asked for"),
+        (10, "rad/s", "62.83", "is off by a factor of 2 pi: frequency in Hz and angular frequency in rad/s differ"),
+        (0.6283, "s", "10", "is 2 pi over what is asked: period and angular frequency are 2 pi over each other"),
+        (628.3, "ms", "10", "is 2 pi over what is asked: period"),
+        (20, "rad/s", "0.31416", "is 2 pi over what is asked: period"),
+        (1.2566, "s", "0.2", "is off by a factor of 2 pi: a period is 2 pi over the angular frequency"),
+        (20, "rad/s", "190.986", "would be right in revolutions per minute: 1 rpm is 2 pi/60 rad/s"),
+        (190.986, "rpm", "20", "would be right in radians per second: 1 rad/s is 60/(2 pi) rpm"),
     ],
 )
 def test_known_slips(answer: float, unit: str | None, given: str, told: str) -> None:

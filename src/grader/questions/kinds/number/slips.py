@@ -37,6 +37,11 @@ SLIPS_MAX = 2
 """The largest number of matching slips; with more of them none is named, as it would be a guess."""
 
 
+PERIODS = frozenset(((name, 1),) for name in FAMILIES[0])
+RADIANS_PER_SECOND, TURNS_PER_MINUTE = (("radian", 1), ("second", -1)), (("revolutions_per_minute", 1),)
+"""Units of a period, an angular frequency and a speed of rotation."""
+
+
 @dataclass(frozen=True)
 class Slip:
     """A known mistake: what is seen of the number (`Your number ...`), and the cure."""
@@ -102,6 +107,10 @@ GRAVITY_AND_TWO = Slip(
     "look for gravity, 9.81 m/s², or pi² that is missing or counted twice, and for a factor of two",
 )
 TURNS = Slip("is off by a factor of 2 pi", "frequency in Hz and angular frequency in rad/s differ by it")
+PERIOD = Slip("is off by a factor of 2 pi", "a period is 2 pi over the angular frequency")
+ANGULAR = Slip("is 2 pi over what is asked", "period and angular frequency are 2 pi over each other")
+PER_MINUTE = Slip("would be right in revolutions per minute", "1 rpm is 2 pi/60 rad/s")
+PER_SECOND = Slip("would be right in radians per second", "1 rad/s is 60/(2 pi) rpm")
 SIGN_AND_TWO = Slip("has the wrong sign and is off by a factor of two", "check the signs first, then the factors")
 
 
@@ -183,7 +192,9 @@ def _single_slips(given: Quantity, wanted: Unit | None, key: NumberKey) -> Itera
     value = given.value
     if is_right(-value, key):
         yield SIGN
-    yield from _factor_slips(value, wanted, key)
+    yield from _factor_slips(value, key)
+    if wanted:
+        yield from _turn_slips(given, wanted, key)
     if (wanted is None or wanted.radians) and (
         is_right(math.degrees(value), key) or is_right(math.radians(value), key)
     ):
@@ -197,15 +208,30 @@ def _single_slips(given: Quantity, wanted: Unit | None, key: NumberKey) -> Itera
             yield ROOT
 
 
-def _factor_slips(value: float, wanted: Unit | None, key: NumberKey) -> Iterator[Slip]:
+def _factor_slips(value: float, key: NumberKey) -> Iterator[Slip]:
     if is_right(2 * value, key) or is_right(value / 2, key):
         yield TWO
     if is_off_by(GRAVITIES, value, key):
         yield GRAVITY
     elif power := _power_of_ten(value, key):
         yield _ten(power)
-    if wanted and wanted.rotation in (Rotation.CYCLES, Rotation.TURNS) and is_off_by((math.tau,), value, key):
-        yield TURNS
+
+
+def _turn_slips(given: Quantity, wanted: Unit, key: NumberKey) -> Iterator[Slip]:
+    """Yields what is confused of a period, a frequency, an angular frequency and turns per minute."""
+    value, is_period = given.value, wanted.powers in PERIODS
+    if is_off_by((math.tau,), value, key):
+        if is_period:
+            yield PERIOD
+        elif wanted.powers == RADIANS_PER_SECOND or wanted.rotation in (Rotation.CYCLES, Rotation.TURNS):
+            yield TURNS
+    if wanted.powers == RADIANS_PER_SECOND and is_right(value * math.tau / 60, key):
+        yield PER_MINUTE
+    if wanted.powers == TURNS_PER_MINUTE and is_right(value * 60 / math.tau, key):
+        yield PER_SECOND
+    scale = _base_scale(wanted) if is_period or wanted.powers == RADIANS_PER_SECOND else None
+    if scale and is_apart(value, key) and is_right(math.tau * scale / given.number, key):
+        yield ANGULAR
 
 
 def _double_slips(value: float, key: NumberKey) -> Iterator[Slip]:
