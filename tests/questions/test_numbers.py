@@ -195,3 +195,25 @@ def test_all_numbers_together_may_have_either_sign(given: tuple[float, ...], sta
     turned = tuple(-value for value in given)
     assert grade_answer(asked(*HALF, either_sign=True), dict(zip("wxz", turned, strict=True))).points == points
     assert grade_answer(asked(*HALF), {"w": -0.6, "x": 0, "z": 0.8}).status is Status.PARTIAL
+
+
+def quaternion(*values: float, **more: Any) -> NumbersQuestion:
+    fields = [
+        {"id": name, "label": name, "answer": value, "tol": 0.01} for name, value in zip("wxyz", values, strict=True)
+    ]
+    return asked(*fields, **more)
+
+
+@pytest.mark.parametrize("either_sign", [False, True])
+def test_numbers_that_all_stand_one_field_further_are_told_so(either_sign: bool) -> None:
+    """A quaternion with w last, as SciPy has it, and with w after z where it is asked last."""
+    turn = quaternion(0.924, 0, 0, 0.383, either_sign=either_sign)
+    last = grade_answer(turn, {"w": 0, "x": 0, "y": 0.383, "z": 0.924})
+    assert last.diagnosis == "Each number is that of the next field, and the last one that of w, which is asked first."
+    first = grade_answer(quaternion(0, 0, 0.383, 0.924), {"w": 0.924, "x": 0, "y": 0, "z": 0.383})
+    assert first.diagnosis == (
+        "Each number is that of the field before, and the first one that of z, which is asked last."
+    )
+    assert grade_answer(turn, {"w": 0.924, "x": 0, "y": 0, "z": 0.383}).diagnosis is None
+    negative = grade_answer(turn, {"w": 0, "x": 0, "y": -0.383, "z": -0.924})
+    assert (negative.diagnosis == last.diagnosis) is either_sign

@@ -171,7 +171,8 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
         `either_sign` the sign counts that gives more points."""
         verdict = self._grade(question, answer)
         if question.either_sign and verdict.points < verdict.max_points:
-            return max(verdict, self._grade(negate(question), answer), key=lambda either: either.points)
+            either = (verdict, self._grade(negate(question), answer))
+            return max(either, key=lambda verdict: (verdict.points, verdict.diagnosis is not None))
         return verdict
 
     def _grade(self, question: NumbersQuestion, answer: Mapping[str, Quantity]) -> Verdict:
@@ -179,8 +180,12 @@ class Numbers(QuestionKind[NumbersQuestion, Mapping[str, Quantity]]):
         graded = [grade_number(key, answer[field.id], field.points, field.id, field.name) for field, key in pairs]
         findings, slips = [finding for finding, _ in graded], [slip for _, slip in graded]
         wrong = [pair for pair, finding in zip(pairs, findings, strict=True) if not finding.passed]
-        mistake = _exchange(wrong, answer) or _mistake(
-            [(finding.title, slip) for finding, slip in zip(findings, slips, strict=True) if not finding.passed]
+        mistake = (
+            _exchange(wrong, answer)
+            or (_shift(pairs, answer) if wrong else None)
+            or _mistake(
+                [(finding.title, slip) for finding, slip in zip(findings, slips, strict=True) if not finding.passed]
+            )
         )
         return verdict_of(
             tuple(findings if mistake else map(_with_slip, findings, slips)),
@@ -251,6 +256,22 @@ def _exchange(wrong: Sequence[tuple[NumberField, NumberKey]], answer: Mapping[st
     if not (_is_right_for(answer[one.id], one, others) and _is_right_for(answer[other.id], other, its)):
         return None
     return f"{one.name} and {other.name} are exchanged: each number is right for the other."
+
+
+def _shift(pairs: Sequence[tuple[NumberField, NumberKey]], answer: Mapping[str, Quantity]) -> str | None:
+    """The sentence for three or more numbers that are all right for the next field, as a quaternion is with w last, or
+    for the one before."""
+    fields, keys = [field for field, _ in pairs], [key for _, key in pairs]
+    first, last = fields[0], fields[-1]
+    for shifted, where in (
+        ([*keys[1:], keys[0]], f"next field, and the last one that of {first.name}, which is asked first"),
+        ([keys[-1], *keys[:-1]], f"field before, and the first one that of {last.name}, which is asked last"),
+    ):
+        if len(pairs) > 2 and all(
+            _is_right_for(answer[field.id], field, key) for field, key in zip(fields, shifted, strict=True)
+        ):
+            return f"Each number is that of the {where}."
+    return None
 
 
 def _is_right_for(given: Quantity, field: NumberField, key: NumberKey) -> bool:
