@@ -31,6 +31,13 @@ def test_a_script_of_windows_notepad_is_read_without_its_byte_order_mark(tmp_pat
     assert read_source(module.swing, "swing") == "def swing():\n    return 1\n"
 
 
+def test_a_notebook_is_no_script(tmp_path: Path) -> None:
+    notebook = tmp_path / "rk4-step.ipynb"
+    notebook.write_text("{}")
+    with pytest.raises(Sentence, match=r"is a notebook: open it in Jupyter .* export it as rk4-step\.py and name that"):
+        read_script(notebook)
+
+
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
     """Runs a command that cannot be done in an empty folder; returns what it says."""

@@ -129,7 +129,12 @@ def find_kit_of(file: Path, question: str | None) -> Kit:
 
 
 def read_script(file: Path, takes: str = "python") -> str:
-    """Returns the text of a script or a model, or the base64 of a file. Raises Sentence."""
+    """Returns the text of a script or a model, or the base64 of a file. Raises Sentence, also for a notebook."""
+    if takes == "python" and file.suffix == ".ipynb":
+        raise Sentence(
+            f"{file} is a notebook: open it in Jupyter and give your function to g.check or g.submit in its last cell, "
+            f"or export it as {file.with_suffix('.py').name} and name that here."
+        )
     try:
         if takes == "npz":
             return base64.b64encode(file.read_bytes()).decode()
