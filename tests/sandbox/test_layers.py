@@ -10,6 +10,8 @@ Without:             still holds (each line is a test below)
     no new privs     bubblewrap has set it already, on everything in the cell
 """
 
+import importlib.metadata
+import re
 import shutil
 import sys
 from collections.abc import Iterator
@@ -192,19 +194,48 @@ def test_nothing_of_ours_is_in_the_cell(content: Content) -> None:
     assert not [word for word in command if word in ("--bind", "--share-net")]
 
 
-def test_our_package_is_covered_where_it_is_installed_beside_mujoco(
+def test_of_what_is_installed_only_the_packages_of_scripts_are_in_the_cell(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: Content
 ) -> None:
+    """Neither this package, where it is installed beside MuJoCo with its content, nor a plug-in."""
     packages = tmp_path / "site-packages"
-    for name in ("grader", "numpy"):
+    for name in ("grader", "plugin", "mujoco", "numpy", "numpy.libs", "numpy-2.4.0.dist-info", "grader-1.dist-info"):
         (packages / name).mkdir(parents=True)
-    monkeypatch.setattr(cell, "OURS", packages / "grader")
-    runtime = cell.Runtime(Path(sys.executable), (packages,), (), (packages,), (packages / "grader",))
+        (packages / name / "METADATA").touch()
+    monkeypatch.setattr(cell, "_find_package_folder", lambda _: packages)
+    runtime = cell.find_runtime()
+    ours = {path for path in runtime.binds if path.is_relative_to(tmp_path)}
+    assert ours == {packages / name for name in ("mujoco", "numpy", "numpy.libs", "numpy-2.4.0.dist-info/METADATA")}
+    assert ours <= set(runtime.readable) and packages not in runtime.readable
+    assert packages in runtime.roots and not ours & set(runtime.roots)
     command = cell.build_cell_command(runtime, content.models, cell.INSIDE, 3)
-    at = command.index("--tmpfs")
-    assert command[at + 1] == str(packages / "grader")
-    assert command.index(str(packages)) < at
-    assert runtime.readable == (packages / "numpy",)
+    sources = {command[at + 1] for at, word in enumerate(command) if word == "--ro-bind"}
+    assert {Path(source) for source in sources if Path(source).is_relative_to(tmp_path)} == ours
+
+
+def test_all_that_mujoco_requires_is_a_package_of_scripts() -> None:
+    required = [one for one in importlib.metadata.requires("mujoco") or () if "extra ==" not in one]
+    required += [one for one in importlib.metadata.requires("etils") or () if 'extra == "epath"' in one]
+    names = {re.split(r"[^\w-]", one)[0] for one in required if not one.startswith("mujoco")} - {"etils"}
+    imported = {"absl-py": "absl", "pyopengl": "OpenGL", "typing_extensions": "typing_extensions.py"}
+    assert {imported.get(name, name) for name in names} <= {*policy.PACKAGES}
+
+
+@pytest.mark.parametrize("name", ["fastapi", "pytest", "grader", "sqlalchemy"])
+def test_no_script_can_import_what_the_grader_needs(name: str, jail: Jail) -> None:
+    report = jail.run(Job(f"import {name}\n", DRIVER, {}))
+    assert report.status == "crashed"
+    assert f"ModuleNotFoundError: No module named '{name}'" in report.stderr
+
+
+def test_a_script_can_import_what_there_is_and_ask_for_its_version(jail: Jail) -> None:
+    lines = ("import mujoco.viewer, mujoco.minimize, mujoco.renderer, mujoco.rollout, numpy.testing",
+             "import scipy.optimize, scipy.integrate, scipy.signal, scipy.spatial.transform, scipy.stats, scipy.io",
+             "from importlib.metadata import version",
+             "print(version('mujoco'), version('numpy'), version('scipy'))")  # fmt: skip
+    report = jail.run(Job("\n".join(lines), DRIVER, {}))
+    assert report.status == "returned", report
+    assert report.stdout.split() == [importlib.metadata.version(name) for name in ("mujoco", "numpy", "scipy")]
 
 
 def test_a_loader_that_is_a_link_is_in_the_cell(

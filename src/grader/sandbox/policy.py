@@ -67,6 +67,11 @@ ENVIRONMENT: Final = {
     "MALLOC_MMAP_THRESHOLD_": str(1 * MB),
 }
 
+PACKAGES: Final = _split("mujoco numpy scipy absl etils fsspec glfw OpenGL typing_extensions.py websockets zipp")
+"""What scripts may import beside the standard library: MuJoCo, NumPy, SciPy, and what these import. All else that is
+installed is in no cell, such as this package, a plug-in or the tools of a developer: no script needs a certain server.
+"""
+
 # Imported once, by the zygote: the packages, and what students usually import beside them.
 PRELOAD: Final = _split("""
 mujoco mujoco.rollout mujoco.viewer numpy.random numpy.fft numpy.polynomial numpy.ma numpy.linalg

@@ -171,6 +171,8 @@ class Zygote:
         return {
             "user": policy.NOBODY if os.geteuid() == 0 else None,
             "preload": policy.PRELOAD,
+            "packages": policy.PACKAGES,
+            "others_beside": [*map(str, runtime.packages)] if self._alone else [],
             "thread_stack": policy.THREAD_STACK_BYTES,
             "models": models_inside,
             "directory": "/" if self._alone else policy.SCRATCH,
@@ -178,7 +180,7 @@ class Zygote:
             "rlimits": {name: value for name, value in policy.RLIMITS.items() if name not in without},
             "landlock": {
                 # In the cell mounts hide what scripts may not read. Alone, Landlock must name all the rest.
-                "read": [*map(str, runtime.readable if self._alone else runtime.binds), models_inside],
+                "read": [*map(str, runtime.readable if self._alone else runtime.roots), models_inside],
                 "read_write": [str(cell.NULL), *([] if self._alone else [policy.SCRATCH])],
                 "abi_min": policy.LANDLOCK_ABI_MIN_ALONE if self._alone else policy.LANDLOCK_ABI_MIN,
             },

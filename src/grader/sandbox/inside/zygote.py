@@ -49,6 +49,7 @@ def main() -> None:
     _become(config["user"])
     gc.disable()  # imports make hardly any garbage, and to look for it takes a tenth of their time
     _import(config["preload"])
+    _forget_others(config["others_beside"], set(config["packages"]))
     guest.prepare(config["models"], config["directory"])
     if lockdown.forbid_writable_code():
         guest.refuse_callbacks()
@@ -92,6 +93,14 @@ def _import(names: list[str]) -> None:
             importlib.import_module(name)
     if "mujoco" not in sys.modules:
         sys.exit(f"MuJoCo cannot be imported by user {os.getuid()}: let this user read the Python packages.")
+
+
+def _forget_others(folders: list[str], packages: set[str]) -> None:
+    """Let Python find only these packages in folders that hold others: where no mounts hide those, Landlock refuses to
+    open what Python has found, and a script whose libraries try to import it would end."""
+    for folder in folders:
+        finder: Any = sys.path_importer_cache[folder]
+        finder._path_cache &= packages  # what the folder was found to hold, which nobody may look up again
 
 
 def _find_integrators() -> tuple[integrators.Pages | None, str]:

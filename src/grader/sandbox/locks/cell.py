@@ -6,15 +6,14 @@ import re
 import shutil
 import sys
 import sysconfig
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from grader.errors import JailRefused
-from grader.sandbox.policy import ENVIRONMENT, MODELS, SCRATCH
+from grader.sandbox.policy import ENVIRONMENT, MODELS, PACKAGES, SCRATCH
 
 INSIDE = Path(__file__).parents[1] / "inside"
-OURS = Path(__file__).parents[2]
 NULL = Path("/dev/null")
 LIB = Path("/lib")
 # -I would ignore PYTHONHASHSEED; these leave out the working directory, the user's packages, bytecode and `site`.
@@ -29,14 +28,17 @@ class Runtime:
     binds: tuple[Path, ...]  # files and folders, readable
     links: tuple[tuple[str, Path], ...]  # (target, link) of a merged /usr and of the dynamic loader
     packages: tuple[Path, ...]  # folders for sys.path
-    private: tuple[Path, ...] = ()  # among the packages, but not for scripts: hidden in the cell
     library: Path | None = None  # MuJoCo's: the zygote loads it, and no script may map it again
 
     @property
+    def roots(self) -> tuple[Path, ...]:
+        """Return what holds all that is bound: a folder of packages has nothing else in the cell."""
+        return _drop_nested((*self.binds, *self.packages))
+
+    @property
     def readable(self) -> tuple[Path, ...]:
-        """Return what a script may read: everything that is bound, except private files and the library."""
-        hidden = {*self.private, *([self.library] if self.library else [])}
-        return tuple(entry for path in self.binds for entry in _list_visible(path, hidden))
+        """Return what a script may read: everything that is bound, except MuJoCo's library."""
+        return tuple(entry for path in self.binds for entry in _list_visible(path, self.library))
 
 
 def find_runtime() -> Runtime:
@@ -53,16 +55,15 @@ def find_runtime() -> Runtime:
         executable,
         *_find_shared_python(),
         *library,
-        *packages,
+        *_find_packages(packages),
         *_find_system_libraries(),
         *loaders,
         *_find_zone_data(),
     ]
     links = tuple((str(link.readlink()), link) for link in (LIB, Path("/lib64"), *loaders) if link.is_symlink())
     binds = [path for path in wanted if path.exists() and not path.is_symlink()]
-    private = [path for folder in packages for path in _find_private_files(folder)]
     mujoco = next(_find_package_folder("mujoco").glob("mujoco/libmujoco.so*"), None)
-    return Runtime(executable, _drop_nested(binds), links, packages, tuple(private), mujoco)
+    return Runtime(executable, _drop_nested(binds), links, packages, mujoco)
 
 
 def build_cell_command(runtime: Runtime, models: Path, inside: Path, control: int) -> list[str]:
@@ -87,9 +88,6 @@ def build_cell_command(runtime: Runtime, models: Path, inside: Path, control: in
     command += ["--dev-bind", str(NULL), str(NULL)]
     for path in runtime.binds:
         command += ["--ro-bind", str(path), str(path)]
-    for path in runtime.private:
-        if any(path.is_relative_to(bound) for bound in runtime.binds):
-            command += ["--tmpfs", str(path)] if path.is_dir() else ["--ro-bind", str(NULL), str(path)]
     command += ["--ro-bind", str(models.resolve()), MODELS, "--ro-bind", str(inside.resolve()), "/cell/inside"]
     command += ["--remount-ro", "/", "--chdir", "/", "--clearenv"]
     for name, value in ENVIRONMENT.items():
@@ -143,16 +141,18 @@ def _list_parents(paths: Iterable[Path]) -> list[Path]:
     return sorted({folder for path in paths for folder in path.parents if folder != Path("/")})
 
 
-def _find_private_files(packages: Path) -> list[Path]:
-    """Find the grader's own package, and the files in which installers note where packages came from."""
-    notes = [*packages.glob("*.pth"), *packages.glob("__editable__*"), *packages.glob("*.dist-info/direct_url.json")]
-    return [*([OURS] if OURS.is_relative_to(packages) else []), *notes]
+def _find_packages(folders: Iterable[Path]) -> Iterator[Path]:
+    """Find PACKAGES, with the libraries that wheels bring along beside them, and what tells their versions."""
+    for folder in folders:
+        for package in PACKAGES:
+            yield from (folder / package, folder / f"{package}.libs")
+            yield from folder.glob(f"{package}-*.dist-info/METADATA")
 
 
-def _list_visible(path: Path, hidden: Collection[Path]) -> list[Path]:
-    """Return the path itself; if hidden files lie beneath it, its entries without them."""
-    if path in hidden:
+def _list_visible(path: Path, hidden: Path | None) -> list[Path]:
+    """Return the path itself; if the hidden file lies beneath it, its entries without that."""
+    if path == hidden:
         return []
-    if not any(other.is_relative_to(path) for other in hidden):
+    if hidden is None or not hidden.is_relative_to(path):
         return [path]
     return [deeper for entry in path.iterdir() for deeper in _list_visible(entry, hidden)]
