@@ -35,6 +35,8 @@ from grader.errors import Conflict, JailFault, NotFound
 from grader.grading.content import Archive, Content
 from grader.grading.pipeline import Retries
 from grader.grading.processes import Graders
+from grader.questions import Question
+from grader.questions.parts import by_id
 from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.service.worker import make_judge
@@ -55,12 +57,14 @@ LATE = {"per_day": 0.5, "until": "2199-12-31T00:00:00Z"}
 LATE_POLICY = {"due": DUE.isoformat(), "late": LATE}
 
 
-def a_quiz(key: int = 5, policy: dict[str, Any] | None = None, number: str = "numeric") -> dict[str, Any]:
+def a_quiz(
+    key: int = 5, policy: dict[str, Any] | None = None, number: str = "numeric", asked: dict[str, Any] | None = None
+) -> dict[str, Any]:
     """A number whose key is `key`, or a choice in its place, and a text."""
-    asked: dict[str, Any] = {"id": "number", "q": "How many?", "points": 2}
-    asked |= {"kind": "numeric", "answer": key} if number == "numeric" else {
-        "kind": "mcq", "options": ["a", "b"], "answer": 0
-    }  # fmt: skip
+    asked = {"id": "number", "q": "How many?", "points": 2} | (asked or (
+        {"kind": "numeric", "answer": key} if number == "numeric"
+        else {"kind": "mcq", "options": ["a", "b"], "answer": 0}
+    ))  # fmt: skip
     questions = [asked, {"kind": "open", "id": "text", "q": "Why?"}]
     return {"id": "quiz", "title": "Quiz", "policy": policy or {}, "questions": questions}
 
@@ -314,6 +318,63 @@ def test_a_fault_of_the_grader_is_tried_again_and_never_takes_points(course: Cou
     assert (calls.count(ann), calls.count(bob)) == (3, 2)
     assert (course.points("ann"), course.points("bob")) == (2, 0)
     assert len(course.verdicts(ann)) == 1
+
+
+MOVED: dict[str, tuple[dict[str, Any], Any, dict[str, Any]]] = {
+    "mcq": (
+        {"options": ["Lyon", "Paris", "Nice"], "answer": 1}, 1,
+        {"options": ["Paris", "Lyon ", "Nizza"], "answer": 0}),
+    "multiple": (
+        {"options": ["a", "b", "c"], "answer": [0, 2]}, [0, 2], {"options": ["c", "b", "d", "a"], "answer": [0, 3]}),
+    "order": ({"items": ["one", "two", "three"]}, ["one", "two", "three"], {"items": ["one", "two", "three!"]}),
+    "match": (
+        {"pairs": [["1", "x"], ["2", "y"]]}, {"1": "x", "2": "y"}, {"pairs": [["2", "y"], ["1", "x"]], "extra": ["z"]}),
+}  # fmt: skip
+"""By kind: a question, its right answer, and another version of it with the same key."""
+
+
+def answer_by_id(question: Question, answer: Any) -> Any:
+    """The answer with the ids of texts in their places, as pages send it."""
+    if question.kind == "order":
+        ids = {text: item for item, text in by_id(question.items).items()}  # type: ignore[attr-defined]
+        return [ids[text] for text in answer]
+    if question.kind == "match":
+        ids = {text: right for right, text in question.rights.items()}  # type: ignore[attr-defined]
+        return {left: ids[right] for left, right in answer.items()}
+    return answer
+
+
+@pytest.mark.parametrize("kind", MOVED)
+def test_what_was_chosen_is_found_where_it_stands_now(course: Course, kind: str) -> None:
+    first, answer, second = MOVED[kind]
+    course.change(asked={"kind": kind, **first})
+    submission = course.hand_in("ann", answer_by_id(course.content.library.question("quiz", "number"), answer))
+    assert course.points("ann") == 2
+    course.change(asked={"kind": kind, **second})
+    course.regrade()
+    assert course.points("ann") == 2, course.newest(submission)
+    course.change(asked={"kind": kind, **first})
+    course.regrade()
+    assert course.points("ann") == 2
+
+
+def test_an_option_that_is_gone_or_another_kind_keeps_the_verdict(course: Course) -> None:
+    course.change(asked={"kind": "mcq", "options": ["Lyon", "Paris", "Nice"], "answer": 1})
+    course.hand_in("ann", 1)
+    course.hand_in("ben", 2)
+    course.change(asked={"kind": "mcq", "options": ["Paris", "Lyon"], "answer": 1})
+    assert outcomes(course.regrade()) == {"changed": 1, "unfit": 1}
+    assert (course.points("ann"), course.points("ben")) == (0, 0)
+    course.change(asked={"kind": "numeric", "answer": 1})
+    assert outcomes(course.regrade()) == {"unfit": 2}
+
+
+def test_an_answer_for_other_drawn_numbers_keeps_its_verdict(course: Course) -> None:
+    asked = {"kind": "numeric", "q": "Twice {a}?", "answer": 4, "verify": {"by": "expression", "expr": "2 * {a}"}}
+    course.change(asked=asked | {"draw": {"a": [1, 3]}})
+    course.hand_in("ann", 4)
+    course.change(asked=asked | {"answer": 8, "draw": {"a": [3, 5]}})
+    assert outcomes(course.regrade()) == {"unfit": 1}
 
 
 def test_an_answer_that_fits_the_question_no_longer_is_kept_and_told(course: Course) -> None:

@@ -5,17 +5,19 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Lock
+from typing import Any
 
 import structlog
 from sqlalchemy.orm import Session
 
 from grader.certify.keys import find_refused_keys
 from grader.domain.pages.media import Media
-from grader.errors import ContentError, ContentLost, Fault, Outdated
+from grader.errors import ContentError, ContentLost, Fault, NotFound, Outdated
 from grader.grading.pipeline import Pipeline
 from grader.library import NOTHING_PASSED, Library, PassedChecks, load, load_files
 from grader.library.media import read_media
 from grader.library.snapshot import compute_digest
+from grader.questions import Question, carry_over
 from grader.store import contents
 from grader.store.engine.database import Database
 from grader.store.upkeep.installation import hidden_case_secret
@@ -61,6 +63,16 @@ class Archive:
             held = self._held.get(digest) or self._taken(quiz, digest)
             self._hold(digest, held)
         return held
+
+    def carry_over(self, quiz: str, digest: str, question: Question, answer: Any) -> Any:
+        """Returns an answer to a question of the content of this digest as one to `question`, its version in other
+        content. Raises InvalidAnswer where it is none. Where the earlier content is lost, the answer stays as it is."""
+        try:
+            earlier = self.get_pipeline(quiz, digest).library.question(quiz, question.id)
+        except (ContentLost, NotFound) as error:
+            log.warning("an answer cannot be compared with its question", digest=digest, why=str(error))
+            return answer
+        return carry_over(earlier, question, answer)
 
     def find_media(self, sha256: str, name: str) -> Media | None:
         """Returns a picture or file of any content that was loaded before."""

@@ -14,6 +14,7 @@ from grader.questions.quiz import LessonHead, Quiz
 from grader.questions.registry import (
     GROUP,
     AnyKind,
+    carry_over,
     fill_form,
     grade_answer,
     installed_kinds,
@@ -31,7 +32,7 @@ __all__ = [
     "FIELD", "FORMS", "GROUP", "AnswerKey", "AnyKind", "CountedNumber", "Example", "Fields", "Finding", "Form",
     "InvalidAnswer", "LessonHead", "ModelXml", "NumberKey", "Option", "OptionIndex", "OptionKey", "Options",
     "Question", "QuestionKind", "Quiz", "Remark", "Reveal", "Status", "Takes", "Verdict", "Verify", "Whys",
-    "decode_file", "describe_file", "field_of", "fill_form", "grade_answer", "installed_kinds", "is_own",
+    "carry_over", "decode_file", "describe_file", "field_of", "fill_form", "grade_answer", "installed_kinds", "is_own",
     "json_or_text",
     "kind_of", "lab_view", "parse_question", "plain_text", "question_adapter", "question_view", "quoted", "read_answer",
     "show_answer", "student_view", "template_of", "typed_for", "typed_in", "unopened_view", "verdict_of",

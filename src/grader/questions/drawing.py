@@ -88,6 +88,11 @@ class Drawable(BaseModel):
         return self._is_posed
 
 
+def get_draw(question: BaseModel) -> Any:
+    """Returns what is drawn for each learner in a question; nothing where all have the same numbers."""
+    return question.draw if isinstance(question, Drawable) else {}
+
+
 def is_drawn(question: BaseModel) -> bool:
     """Whether every learner has numbers of their own in a question."""
     return isinstance(question, Drawable) and bool(question.draw)

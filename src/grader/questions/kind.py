@@ -177,6 +177,11 @@ class QuestionKind(ABC, Generic[Q, A]):
     def read(self, question: Q, answer: Any) -> A:
         """Reads any JSON value. Raises InvalidAnswer with one sentence: why not, and what would be readable."""
 
+    def carry_over(self, earlier: Q, question: Q, answer: Any) -> Any:
+        """Returns an answer to an `earlier` version of a question as one to `question`, where what was chosen may stand
+        elsewhere. Raises InvalidAnswer where it is none."""
+        return answer
+
     @abstractmethod
     def describe(self, question: Q, answer: A) -> str:
         """Returns the answer as it was understood, for the learner to confirm; says nothing of right or wrong."""

@@ -1,7 +1,8 @@
-"""What kinds whose answers have several parts share: fields of forms, and ids and an order that tell nothing."""
+"""What kinds whose answers have several parts share: fields of forms, ids and an order that tell nothing, and where
+texts stand in a later version of a question."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
 from itertools import chain, product
 from string import ascii_lowercase
@@ -9,6 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
+from grader.errors import InvalidAnswer
 from grader.questions.kind import FIELD, Fields
 from grader.questions.question import distinct_texts
 
@@ -52,3 +54,23 @@ def json_or_text(text: str) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError):
         return text
+
+
+def follow_texts(earlier: Sequence[str], now: Sequence[str]) -> dict[int, int]:
+    """Returns where each of `earlier` texts stands `now`: where its words are. Of reworded texts one alone is known,
+    and those that all kept their places."""
+    places = {" ".join(text.split()): at for at, text in enumerate(now)}
+    words = [" ".join(text.split()) for text in earlier]
+    moved = {at: places[text] for at, text in enumerate(words) if text in places}
+    gone = [at for at in range(len(earlier)) if at not in moved]
+    new = [at for at in range(len(now)) if at not in {*moved.values()}]
+    if gone == new or len(gone) == len(new) == 1:
+        moved |= dict(zip(gone, new, strict=True))
+    return moved
+
+
+def find_place(moved: Mapping[int, int], at: int) -> int:
+    """Returns where a text stands now, of `follow_texts`. Raises InvalidAnswer where it is gone."""
+    if at not in moved:
+        raise InvalidAnswer("What was chosen is not in the question any more.")
+    return moved[at]

@@ -16,7 +16,7 @@ from pydantic_core import CoreSchema
 from grader.domain.plugins import find_points, load_point
 from grader.domain.verdict import Status, Verdict
 from grader.errors import InvalidAnswer, PluginError
-from grader.questions.drawing import fill_in_middle
+from grader.questions.drawing import fill_in_middle, get_draw
 from grader.questions.kind import TEMPLATE, Fields, QuestionKind
 from grader.questions.question import Question
 
@@ -101,6 +101,17 @@ def fill_form(question: Question, answer: Any) -> Fields:
     except Exception:  # code of another package: anything may be raised
         log.exception("a kind of question cannot fill in its form", kind=question.kind)
         return {}
+
+
+def carry_over(earlier: Question, question: Question, answer: Any) -> Any:
+    """Returns an answer to an `earlier` version of a question as one to `question`. Raises InvalidAnswer where it is
+    none: another kind of question has taken the id, other numbers are drawn, or what was chosen is gone."""
+    kind = kind_of(question)
+    if kind is not kind_of(earlier):
+        raise InvalidAnswer("Another kind of question is asked now.")
+    if get_draw(earlier) != get_draw(question):
+        raise InvalidAnswer("The answer was given for other numbers.")
+    return kind.carry_over(earlier, question, answer)
 
 
 def read_answer(question: Question, answer: Any) -> str:

@@ -144,6 +144,9 @@ def make_judge(archive: Archive, graders: Graders, tell: TellCase = ignore_progr
 
     def judge(submission: Submission, digest: str) -> Verdict:
         pipeline, answer = archive.get_pipeline(submission.quiz, digest), json.loads(submission.answer)
+        if digest != submission.content_digest:
+            asked = pipeline.library.question(submission.quiz, submission.question)
+            answer = archive.carry_over(submission.quiz, submission.content_digest, asked, answer)
         parsed = pipeline.read(submission.quiz, submission.question, answer, submission.seed)
         if parsed.is_instant:
             return pipeline.judge(parsed)

@@ -12,6 +12,7 @@ from grader.domain.verdict import Finding, Verdict, verdict_of
 from grader.errors import InvalidAnswer
 from grader.questions.answer_keys import OptionKey
 from grader.questions.kind import FIELD, Fields, Option, QuestionKind
+from grader.questions.parts import find_place, follow_texts
 from grader.questions.question import OptionIndex, Options, Question, Whys
 
 INDEX = re.compile(r"[+-]?[0-9]{1,9}")
@@ -77,6 +78,10 @@ class OneOption(QuestionKind[Q, int]):
     def read(self, question: Q, answer: Any) -> int:
         """Reads an index, its digits, or the whole text of an option."""
         return read_choice(question.options, answer)
+
+    def carry_over(self, earlier: Q, question: Q, answer: Any) -> int:
+        """Returns the index of the option with the same words."""
+        return find_place(follow_texts(earlier.options, question.options), self.read(earlier, answer))
 
     def describe(self, question: Q, answer: int) -> str:
         """Returns the words of the option."""

@@ -17,6 +17,8 @@ from grader.questions.parts import (
     PartText,
     by_id,
     field_of,
+    find_place,
+    follow_texts,
     json_or_text,
     typed_for,
 )
@@ -58,9 +60,14 @@ class MatchQuestion(Question):
         return {str(number): left for number, (left, _) in enumerate(self.pairs, 1)}
 
     @property
+    def right_texts(self) -> list[str]:
+        """The right texts in the author's order."""
+        return list(dict.fromkeys([*(right for _, right in self.pairs), *self.extra]))
+
+    @property
     def rights(self) -> dict[str, str]:
         """The right texts by their ids, in an order that tells nothing."""
-        return by_id([*(right for _, right in self.pairs), *self.extra])
+        return by_id(self.right_texts)
 
     @property
     def key(self) -> dict[str, str]:
@@ -128,6 +135,17 @@ class Match(QuestionKind[MatchQuestion, Mapping[str, str]]):
                 what = "has no partner" if right is None else "has a partner that is none of the letters"
                 raise InvalidAnswer(f"{name} {what}: choose one of {', '.join(rights)} for it.")
         return {left: answer[left] for left in lefts}
+
+    def carry_over(self, earlier: MatchQuestion, question: MatchQuestion, answer: Any) -> dict[str, str]:
+        """Returns the ids of the same texts."""
+        lefts = follow_texts([*earlier.lefts.values()], [*question.lefts.values()])
+        rights = follow_texts(earlier.right_texts, question.right_texts)
+        words, ids = earlier.rights, {text: right for right, text in question.rights.items()}
+        given = [earlier.right_texts.index(words[right]) for right in self.read(earlier, answer).values()]
+        return {
+            str(find_place(lefts, at) + 1): ids[question.right_texts[find_place(rights, right)]]
+            for at, right in enumerate(given)
+        }
 
     def describe(self, question: MatchQuestion, answer: Mapping[str, str]) -> str:
         """Returns the pairs."""

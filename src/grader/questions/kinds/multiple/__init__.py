@@ -12,7 +12,7 @@ from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import InvalidAnswer
 from grader.questions.kind import FIELD, Example, Fields, Option, QuestionKind
 from grader.questions.kinds.choice.options import DIGITS_MAX, option_text, read_choice, remark_options
-from grader.questions.parts import json_or_text
+from grader.questions.parts import find_place, follow_texts, json_or_text
 from grader.questions.question import OptionIndex, Options, Question, Whys
 
 NOTHING_CHOSEN = "Choose at least one option first."
@@ -97,6 +97,11 @@ class Multiple(QuestionKind[MultipleQuestion, tuple[int, ...]]):
         if len(chosen) < len(answer):
             raise InvalidAnswer(twice)
         return tuple(sorted(chosen))
+
+    def carry_over(self, earlier: MultipleQuestion, question: MultipleQuestion, answer: Any) -> list[int]:
+        """Returns the indices of the options with the same words."""
+        moved = follow_texts(earlier.options, question.options)
+        return [find_place(moved, index) for index in self.read(earlier, answer)]
 
     def describe(self, question: MultipleQuestion, answer: tuple[int, ...]) -> str:
         """Returns the words of the options."""

@@ -12,7 +12,15 @@ from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.errors import InvalidAnswer
 from grader.questions.kind import Example, Fields, Option, QuestionKind
 from grader.questions.kinds.choice.options import option_text
-from grader.questions.parts import DistinctTexts, by_id, field_of, json_or_text, typed_for
+from grader.questions.parts import (
+    DistinctTexts,
+    by_id,
+    field_of,
+    find_place,
+    follow_texts,
+    json_or_text,
+    typed_for,
+)
 from grader.questions.question import Question
 
 UNTOUCHED = "Give each item its position first."
@@ -89,6 +97,13 @@ class Order(QuestionKind[OrderQuestion, tuple[str, ...]]):
         if not isinstance(answer, list) or sorted(map(str, answer)) != sorted(ids) or set(map(type, answer)) != {str}:
             raise InvalidAnswer(f"The answer must be a list of all items, each once: order {', '.join(ids)}.")
         return tuple(answer)
+
+    def carry_over(self, earlier: OrderQuestion, question: OrderQuestion, answer: Any) -> list[str]:
+        """Returns the ids of the same texts."""
+        moved, words = follow_texts(earlier.items, question.items), by_id(earlier.items)
+        ids = {text: item for item, text in by_id(question.items).items()}
+        given = (earlier.items.index(words[item]) for item in self.read(earlier, answer))
+        return [ids[question.items[find_place(moved, at)]] for at in given]
 
     def describe(self, question: OrderQuestion, answer: tuple[str, ...]) -> str:
         """Returns the texts, numbered."""
