@@ -8,6 +8,7 @@ const POLL_MS = 1500;
 const SILENCE_MS = 6000;
 const LABS = "[data-form], [data-film]";
 const OFFLINE = "The server cannot be reached. Your answer is kept in this browser; send it again when you are back.";
+const OWN_NUMBERS = "From now on this question has numbers of your own: read it again.";
 const SIGNED_OUT = "You are signed out. Your answer is kept in this browser: sign in in another tab, then send it again here.";
 
 const drafts = new Drafts(document.body.dataset.learner ?? "");
@@ -146,7 +147,7 @@ async function pageOf(response) {
 function take(page, form, sent, wasTaken) {
   const card = form.closest("[data-live]");
   taken += 1;
-  if (page.body.dataset.learner && drafts.learner !== page.body.dataset.learner) begin(page);
+  if (page.body.dataset.learner && drafts.learner !== page.body.dataset.learner) begin(page, card);
   const typed = drafts.valueOf(form);
   for (const id of ["facts", "first", "rail", "under-way", "attempts", "result"]) swap(page, id);
   for (const box of document.querySelectorAll("#result [data-film]")) watch(box);
@@ -182,11 +183,21 @@ function take(page, form, sent, wasTaken) {
   follow();
 }
 
-// The first answer has begun a session: every form of the page gets its name.
-function begin(page) {
+// The first answer has begun a session: every form of the page gets its name, and a question with numbers of the
+// learner's own these numbers. `sent` is the card that is taken over anyway.
+function begin(page, sent) {
   const learner = (document.body.dataset.learner = page.body.dataset.learner);
-  for (const form of document.querySelectorAll("form[data-answer]")) form.elements.learner.value = learner;
   drafts.begin(learner);
+  for (const form of document.querySelectorAll("form[data-answer]")) {
+    const card = form.closest("[data-live]");
+    if (card === sent || !card?.querySelector("[data-numbers]")) form.elements.learner.value = learner;
+    else if (page.getElementById(card.id)) {
+      swap(page, card.id);
+      const fresh = formOf(form.dataset.answer);
+      adopt(fresh);
+      tell(fresh, OWN_NUMBERS);
+    }
+  }
   const who = page.querySelector(".who");
   if (who) document.querySelector(".who")?.replaceWith(document.importNode(who, true));
 }
