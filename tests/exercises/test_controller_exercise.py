@@ -96,6 +96,25 @@ def test_two_limits_are_told_apart_by_their_sensors(pipeline: Pipeline) -> None:
     assert len(titles) == len(set(titles))
 
 
+ARM = "def control(model, data, target):\n    return {}\n"
+MAKE = "def make(model):\n    def act(t, o):\n        return {}\n    return act\n"
+
+
+@pytest.mark.parametrize(
+    ("question", "source", "law", "told"),
+    [
+        ("servo-arm", ARM, "40 * (target - data.qpos[0]) - 60 * data.qvel[0] + data.qfrc_bias[0]", "gain on rate is"),
+        ("cart-pole", MAKE, "12 * o[0] + 80 * o[1] + 14 * o[2] + 200 * o[3]", "gain on pole_rate is"),
+        ("altitude", MAKE, "9.81 + 12 * (o[2] - o[0]) - 60 * o[1]", "gain on climb is"),
+        ("cart-pole", MAKE, "12 * o[1] + 80 * o[0] + 14 * o[2] + 16 * o[3]", "controls take pole for cart:"),
+    ],
+)
+def test_one_gain_that_is_too_large_is_no_exchange(
+    question: str, source: str, law: str, told: str, pipeline: Pipeline
+) -> None:
+    assert told in (grade(pipeline, question, source.format(law)).diagnosis or "")
+
+
 def find_question(pipeline: Pipeline, name: str) -> ScriptQuestion:
     question = pipeline.library.question(QUIZ, name)
     assert isinstance(question, ScriptQuestion)

@@ -217,10 +217,14 @@ def find_wrong_load(law: FittedLaw) -> Iterator[str]:
 
 
 def find_swapped(parameters: ControllerParameters, problem: Problem, law: FittedLaw) -> Iterator[str]:
-    """Yields the two observed numbers whose gains are wrong, and sensible were the one the other."""
+    """Yields the two observed numbers whose gains are both wrong, and all sensible were the one the other. One wrong
+    gain alone is too large, too small or of the wrong sign, also where the other one could have it."""
     columns = find_columns(parameters, problem)
-    wrong = [*find_wrong_gains(parameters, problem, law)]
-    for one, other in combinations(parameters.law, 2) if wrong else ():
+    wrong = [
+        name for name, allowed in parameters.law.items()
+        if classify_gain(float(law.gains[columns[name]]), *allowed, differentiated=law.differentiates)
+    ]  # fmt: skip
+    for one, other in combinations(wrong, 2):
         gains, pair = law.gains.copy(), [columns[one], columns[other]]
         gains[pair] = gains[pair[::-1]]
         if np.isfinite(gains[pair]).all() and not any(find_wrong_gains(parameters, problem, replace(law, gains=gains))):
