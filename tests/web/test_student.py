@@ -241,6 +241,43 @@ def test_two_tabs_show_one_draft_and_one_verdict(visit: Visit) -> None:
     assert other.complaints == []
 
 
+def test_what_two_tabs_type_into_one_question_is_there_in_both_after_a_reload(visit: Visit) -> None:
+    begin(visit)
+    other = listened(visit.context)
+    other.page.goto("/")
+    one, two = (tab.card("1.3-check", "q4") for tab in (visit, other))
+    one.get_by_role("textbox").fill("Typed in the first tab.")
+    expect(two.get_by_role("textbox")).to_have_value("Typed in the first tab.")
+    two.get_by_role("textbox").fill("Typed in the second tab.")
+    expect(one.locator("[data-draft]")).to_contain_text("There is another draft.")
+    one.get_by_role("textbox").fill("Typed in the first tab again.")
+    two.get_by_role("textbox").fill("And in the second.")
+    expect(one.locator("[data-draft]")).to_contain_text("There is another draft.")
+    expect(one.get_by_role("textbox")).to_have_value("Typed in the first tab again.")
+    visit.page.reload()
+    expect(one.get_by_role("textbox")).to_have_value("Typed in the first tab again.")
+    one.get_by_role("button", name="Show it").click()
+    expect(one.get_by_role("textbox")).to_have_value("And in the second.")
+    assert other.complaints == []
+
+
+def test_an_exercise_shows_the_script_that_was_handed_in_and_not_another_tabs(visit: Visit) -> None:
+    visit.page.goto(SERVO)
+    other = listened(visit.context)
+    other.page.goto(SERVO)
+    code = [tab.page.locator("textarea.code") for tab in (visit, other)]
+    code[1].fill("# of the second tab\n")
+    expect(code[0]).to_have_value("# of the second tab\n")
+    code[0].fill("# handed in\n")
+    visit.page.get_by_role("button", name="Run and judge").click()
+    expect(visit.page.locator("#result [data-status]")).to_be_visible()
+    expect(other.page.locator("#result [data-status]")).to_be_visible()
+    expect(code[0]).to_have_value("# handed in\n")
+    visit.page.reload()
+    expect(code[0]).to_have_value("# handed in\n")
+    assert other.complaints == []
+
+
 def test_offline_nothing_typed_is_lost(visit: Visit) -> None:
     begin(visit)
     card = visit.card("1.3-check", "q4")

@@ -1,7 +1,8 @@
 // What a learner has typed and not sent, in this browser's storage. The server's answer comes first: a draft that was
-// begun before a newer answer is only offered. Another tab's draft shows here unless this tab's own field is in use.
+// begun before a newer answer is only offered. Another tab's draft shows here where this tab has none of its own.
 
 const PREFIX = "draft:";
+const ALL_TABS = "localStorage", THIS_TAB = "sessionStorage";
 const ANSWER = /^answer(\.|$)/; // the names of the fields that belong to the answer
 
 // Runs what may begin the browser's session alone: two at the same time would begin two, and one would be lost.
@@ -46,19 +47,27 @@ export class Drafts {
     }
   }
 
-  keep(form) {
-    store(this.key(form), JSON.stringify({ fields: this.valueOf(form), after: form.elements.after.value, at: Date.now() }));
+  // Keeps what is typed, for all tabs and for this one. It was begun after the answer `after`.
+  keep(form, after = form.elements.after.value) {
+    const draft = JSON.stringify({ fields: this.valueOf(form), after, at: Date.now() });
+    for (const where of [ALL_TABS, THIS_TAB]) store(this.key(form), draft, where);
     note(form, "not sent yet");
   }
 
   sent(form) {
     store(this.key(form), JSON.stringify({ sent: Date.now() }));
+    remove(this.key(form), THIS_TAB);
     note(form, "");
   }
 
   restore(form) {
-    const draft = read(recall(this.key(form)));
+    const [draft, own] = [ALL_TABS, THIS_TAB].map((where) => read(recall(this.key(form), where)));
     if (!draft && !this.learner) return this.offerEarlier(form);
+    if (own?.fields && draft && !same(own.fields, draft.fields)) { // another tab has typed or sent something else since
+      if (own.after !== form.elements.after.value) return this.offer(form, own.fields);
+      this.put(form, own.fields);
+      return draft.fields ? this.offer(form, draft.fields) : note(form, "not sent yet");
+    }
     if (!draft?.fields || same(draft.fields, this.valueOf(form))) return note(form, "");
     if (draft.after === form.elements.after.value) {
       this.put(form, draft.fields);
@@ -68,11 +77,15 @@ export class Drafts {
     }
   }
 
-  mirror(form) {
-    const draft = read(recall(this.key(form)));
-    if (!draft?.fields || same(draft.fields, this.valueOf(form))) return;
-    if (form.contains(document.activeElement) && document.hasFocus()) this.offer(form, draft.fields);
-    else { this.put(form, draft.fields); note(form, "not sent, from another tab"); }
+  // Shows what another tab has typed, where this one has shown the same before, or nothing of its own.
+  mirror(form, { oldValue, newValue }) {
+    const [before, draft] = [oldValue, newValue].map(read), shown = this.valueOf(form);
+    if (!draft?.fields || same(draft.fields, shown)) return;
+    const follows = same(shown, before?.fields) || same(shown, this.given(form));
+    if (!follows || (form.contains(document.activeElement) && document.hasFocus())) return this.offer(form, draft.fields);
+    this.put(form, draft.fields);
+    remove(this.key(form), THIS_TAB);
+    note(form, "not sent, from another tab");
   }
 
   // Without a session, as after the end of one: the newest draft of whoever had the last one is offered.
@@ -98,7 +111,7 @@ export class Drafts {
       const own = `${PREFIX}${this.learner}${key.slice(PREFIX.length)}`;
       const draft = read(recall(key));
       if (draft?.fields && recall(own) === null) store(own, JSON.stringify(draft));
-      try { localStorage.removeItem(key); } catch { /* storage is closed */ }
+      remove(key);
     }
   }
 }
@@ -138,8 +151,9 @@ function note(form, sentence) {
 }
 
 // Storage may be closed or full: then nothing is kept, and the page works all the same.
-function store(key, text) { try { localStorage.setItem(key, text); } catch { /* nothing to do */ } }
-function recall(key) { try { return localStorage.getItem(key); } catch { return null; } }
+function store(key, text, where = ALL_TABS) { try { window[where].setItem(key, text); } catch { /* nothing to do */ } }
+function recall(key, where = ALL_TABS) { try { return window[where].getItem(key); } catch { return null; } }
+function remove(key, where = ALL_TABS) { try { window[where].removeItem(key); } catch { /* nothing to do */ } }
 function keys() { try { return Object.keys(localStorage); } catch { return []; } }
 
 // A draft in storage; earlier ones have the text of the one field.

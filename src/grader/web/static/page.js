@@ -29,7 +29,7 @@ for (const box of document.querySelectorAll(LABS)) watch(box);
 follow();
 addEventListener("storage", (event) => {
   const form = formOf(drafts.changed(event));
-  if (form) drafts.mirror(form);
+  if (form) drafts.mirror(form, event);
   if (form && drafts.wasSent(event)) refresh(form);
 });
 
@@ -143,9 +143,11 @@ async function pageOf(response) {
   return page;
 }
 
-// Takes over the card of the form, the rail and the sums. What was typed while the answer travelled stays typed.
-function take(page, form, sent, wasTaken) {
+// Takes over the card of the form, the rail and the sums. What was typed while the answer travelled stays typed; where
+// another tab has sent the answer, it was begun before.
+function take(page, form, sent, wasTaken, isOwn = true) {
   const card = form.closest("[data-live]");
+  const begun = isOwn ? undefined : form.elements.after.value;
   taken += 1;
   if (page.body.dataset.learner && drafts.learner !== page.body.dataset.learner) begin(page, card);
   const typed = drafts.valueOf(form);
@@ -163,7 +165,7 @@ function take(page, form, sent, wasTaken) {
     const said = wanted.map((selector) => now.querySelector(selector)).find(Boolean);
     if (isNewer) { // typing goes on
       drafts.put(fresh, typed);
-      drafts.keep(fresh);
+      drafts.keep(fresh, begun);
       const field = document.getElementById(held.id);
       field?.focus({ preventScroll: true });
       if (held.selectionEnd) field?.setSelectionRange(held.selectionStart, held.selectionEnd);
@@ -176,7 +178,7 @@ function take(page, form, sent, wasTaken) {
     const fresh = formOf(form.dataset.answer, page);
     for (const name of ["after", "learner"]) form.elements[name].value = fresh.elements[name].value;
     form.closest(".exercise")?.classList.toggle("tried", Boolean(page.querySelector(".exercise.tried")));
-    if (typed.answer?.[0] && sent !== null && !same(typed, sent)) drafts.keep(form);
+    if (typed.answer?.[0] && sent !== null && !same(typed, sent)) drafts.keep(form, begun);
     drafts.restore(form);
   }
   if (announce && !wasTaken) announce.textContent = formOf(form.dataset.answer).querySelector("[data-trouble]").textContent;
@@ -211,7 +213,7 @@ async function refresh(form) {
   const before = taken;
   const [, page] = await ask(location.pathname + location.search);
   if (before !== taken) return refresh(form); // it may be older than what stands here
-  if (page) take(page, form, drafts.given(form), true);
+  if (page) take(page, form, drafts.given(form), true, false);
 }
 
 // The status and the page at an address; no page where the server has none or cannot be reached.
