@@ -206,6 +206,24 @@ def test_an_empty_script_uses_no_attempt(library: Library) -> None:
     assert verdict.status is Status.INVALID_ANSWER
 
 
+@pytest.mark.parametrize(
+    ("source", "told"),
+    [
+        (' {"cells": [], "metadata": {}, "nbformat": 4, "nbformat_minor": 5}', "This is a notebook: hand in its code"),
+        ("PK\x03\x04\x00\x00", "This is no text: load the script itself"),
+    ],
+)
+def test_what_is_no_script_uses_no_attempt(library: Library, source: str, told: str) -> None:
+    verdict = Pipeline(library).grade("1.3-exercises", "servo-threshold", {"source": source})
+    assert verdict.status is Status.INVALID_ANSWER
+    assert told in (verdict.diagnosis or verdict.findings[0].message)
+
+
+@pytest.mark.parametrize("source", ['{"cells": 1, "nbformat"', '{"cells": 1}', "{1, 2}", "{" * 5000])
+def test_a_script_that_begins_with_a_brace_is_none_the_less_a_script(library: Library, source: str) -> None:
+    assert Pipeline(library).read("1.3-exercises", "servo-threshold", {"source": source}).refusal is None
+
+
 def test_an_unknown_question_is_not_found(library: Library) -> None:
     with pytest.raises(NotFound):
         Pipeline(library).grade("1.3-check", "q99", 1)

@@ -503,10 +503,11 @@ def test_a_script_that_runs_is_stopped_and_stays_in_the_editor(visit: Visit) -> 
 
 
 def test_a_file_that_is_no_text_is_refused_beside_the_editor(visit: Visit, tmp_path: Path) -> None:
-    (tmp_path / "picture.py").write_bytes(b"\xff\xfe\x00")
     visit.page.goto(SERVO)
-    visit.page.locator("[data-file]").set_input_files(tmp_path / "picture.py")
-    expect(visit.page.locator("[data-trouble].bad")).to_contain_text("not UTF-8")
+    for name, body in (("picture.py", b"\xff\xfe\x00"), ("archive.py", b"PK\x03\x04\x00")):
+        (tmp_path / name).write_bytes(body)
+        visit.page.locator("[data-file]").set_input_files(tmp_path / name)
+        expect(visit.page.locator("[data-trouble].bad")).to_contain_text("not UTF-8")
     assert "def largest_stable_timestep" in visit.page.locator("textarea.code").input_value()
 
 

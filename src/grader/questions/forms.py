@@ -3,6 +3,7 @@
 import base64
 import binascii
 import hashlib
+import json
 from dataclasses import dataclass
 from typing import Literal
 
@@ -63,8 +64,8 @@ FORMS: dict[Takes, Form] = {
 
 
 def read_text(form: Form, answer: object) -> str:
-    """Returns the text of an answer. Raises Unprocessable for another shape, TooLarge, and InvalidAnswer for nothing
-    or for a file that is neither .npz nor .onnx."""
+    """Returns the text of an answer. Raises Unprocessable for another shape, TooLarge, and InvalidAnswer for nothing,
+    for a file that is neither .npz nor .onnx, and for a text that is a notebook or none."""
     if not isinstance(answer, dict) or not isinstance(answer.get(form.key), str) or set(answer) - {form.key}:
         raise Unprocessable(form.shape)
     text: str = answer[form.key].removeprefix("\ufeff")  # editors put it there, and Python skips it in a file
@@ -77,7 +78,24 @@ def read_text(form: Form, answer: object) -> str:
         raise InvalidAnswer(form.empty)
     if form.is_file and not data.startswith(BEGINNINGS):
         raise InvalidAnswer("This is no .npz file and no .onnx file: write it with numpy.savez.")
+    if "\0" in text:
+        raise InvalidAnswer(f"This is no text: load the {form.noun} itself, not an archive of it.")
+    if is_notebook(text):
+        raise InvalidAnswer(
+            "This is a notebook: hand in its code alone, which Jupyter saves with File, Save and Export Notebook As, "
+            "Executable Script."
+        )
     return text
+
+
+def is_notebook(text: str) -> bool:
+    """Whether a text is a Jupyter notebook."""
+    if not text.lstrip().startswith("{"):
+        return False
+    try:
+        return {"cells", "nbformat"} <= json.loads(text).keys()
+    except (ValueError, RecursionError):
+        return False
 
 
 def read_base64(form: Form, text: str) -> bytes:

@@ -32,6 +32,7 @@ export async function load(form, input, { drafts, tell }) {
   if (!file) return;
   try {
     const text = new TextDecoder("utf-8", { fatal: true }).decode(await file.arrayBuffer());
+    if (text.includes("\0")) throw new TypeError(`${file.name} is no text`);
     drafts.put(form, { answer: [text] });
     drafts.keep(form);
     tell(form, `${file.name} is loaded; not handed in yet.`);
