@@ -1,7 +1,9 @@
 """The objects that all routes of an app share, for the API and the pages."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated
+from functools import partial
+from typing import Annotated, Any
 
 from fastapi import Depends, FastAPI, Request
 
@@ -28,6 +30,7 @@ from grader.platforms.tool import Tool
 from grader.settings import Settings
 from grader.store.engine.database import Database
 from grader.store.engine.group_commit import GroupCommit
+from grader.store.tables import Submission
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +84,10 @@ class Services:
         browser without a session."""
         pipeline = self.content.get(DEFAULT_COURSE if who is None else who.course).pipeline
         return pipeline.poser.library_of("" if who is None else who.drawn_for)
+
+    def answers_in(self, library: Library) -> Callable[[Submission], Any]:
+        """Returns what reads a stored answer as it is shown beside its question in this library."""
+        return partial(self.content.archive.show_in, library.digests)
 
     def require_opened(self, library: Library, who: Identity, quiz: str) -> Policy:
         """As the function, in a transaction of its own. Raises Conflict, NotFound."""

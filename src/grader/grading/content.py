@@ -1,5 +1,6 @@
 """The content: what is loaded and certified now, replaced as a whole or not at all, and what was before, by digest."""
 
+import json
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -12,14 +13,15 @@ from sqlalchemy.orm import Session
 
 from grader.certify.keys import find_refused_keys
 from grader.domain.pages.media import Media
-from grader.errors import ContentError, ContentLost, Fault, NotFound, Outdated
+from grader.errors import ContentError, ContentLost, Fault, InvalidAnswer, NotFound, Outdated
 from grader.grading.pipeline import Pipeline
 from grader.library import NOTHING_PASSED, Library, PassedChecks, load, load_files
 from grader.library.media import read_media
 from grader.library.snapshot import compute_digest
-from grader.questions import Question, carry_over
+from grader.questions import Question, carry_over, show_answer
 from grader.store import contents
 from grader.store.engine.database import Database
+from grader.store.tables import Submission
 from grader.store.upkeep.installation import hidden_case_secret
 
 PIPELINES = 64
@@ -64,15 +66,36 @@ class Archive:
             self._hold(digest, held)
         return held
 
-    def carry_over(self, quiz: str, digest: str, question: Question, answer: Any) -> Any:
-        """Returns an answer to a question of the content of this digest as one to `question`, its version in other
-        content. Raises InvalidAnswer where it is none. Where the earlier content is lost, the answer stays as it is."""
-        try:
-            earlier = self.get_pipeline(quiz, digest).library.question(quiz, question.id)
-        except (ContentLost, NotFound) as error:
-            log.warning("an answer cannot be compared with its question", digest=digest, why=str(error))
+    def carry_over(self, row: Submission, digest: str) -> Any:
+        """Returns a stored answer as one to its question in the content of this digest. Raises NotFound, ContentLost
+        and, where it is none, InvalidAnswer. Where the content that was answered is lost, the answer stays as it is."""
+        answer = json.loads(row.answer)
+        question = self.get_pipeline(row.quiz, digest).library.question(row.quiz, row.question)
+        if digest == row.content_digest or (earlier := self._find_answered(row)) is None:
             return answer
         return carry_over(earlier, question, answer)
+
+    def show_in(self, digests: Mapping[str, str], row: Submission) -> Any:
+        """Returns a stored answer as it is shown beside its question in the content of these digests: in words, where
+        it is no answer to that any more; None where the answer is not kept."""
+        digest = digests.get(row.quiz)
+        if not row.answer or digest in (None, row.content_digest):
+            return json.loads(row.answer) if row.answer else None
+        try:
+            return self.carry_over(row, digest)
+        except (NotFound, ContentLost):
+            return json.loads(row.answer)
+        except InvalidAnswer:
+            earlier = self._find_answered(row)
+            return json.loads(row.answer) if earlier is None else show_answer(earlier, json.loads(row.answer))
+
+    def _find_answered(self, row: Submission) -> Question | None:
+        """Returns the question as it was answered; None if its content is lost."""
+        try:
+            return self.get_pipeline(row.quiz, row.content_digest).library.question(row.quiz, row.question)
+        except (ContentLost, NotFound) as error:
+            log.warning("an answer cannot be compared with its question", submission=row.id, why=str(error))
+            return None
 
     def find_media(self, sha256: str, name: str) -> Media | None:
         """Returns a picture or file of any content that was loaded before."""

@@ -93,7 +93,7 @@ def is_notebook(text: str) -> bool:
     if not text.lstrip().startswith("{"):
         return False
     try:
-        return {"cells", "nbformat"} <= json.loads(text).keys()
+        return isinstance(notebook := json.loads(text), dict) and {"cells", "nbformat"} <= notebook.keys()
     except (ValueError, RecursionError):
         return False
 

@@ -1,6 +1,5 @@
 """The worker of a server or of `grader worker`: the job of grading a submission, in grading processes."""
 
-import json
 import signal
 import threading
 from collections.abc import Callable, Mapping
@@ -143,10 +142,7 @@ def make_judge(archive: Archive, graders: Graders, tell: TellCase = ignore_progr
     """Judges a stored submission by the content of a digest, with its recorded seed; scripts in a grading process."""
 
     def judge(submission: Submission, digest: str) -> Verdict:
-        pipeline, answer = archive.get_pipeline(submission.quiz, digest), json.loads(submission.answer)
-        if digest != submission.content_digest:
-            asked = pipeline.library.question(submission.quiz, submission.question)
-            answer = archive.carry_over(submission.quiz, submission.content_digest, asked, answer)
+        pipeline, answer = archive.get_pipeline(submission.quiz, digest), archive.carry_over(submission, digest)
         parsed = pipeline.read(submission.quiz, submission.question, answer, submission.seed)
         if parsed.is_instant:
             return pipeline.judge(parsed)

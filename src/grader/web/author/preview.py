@@ -138,7 +138,9 @@ def build_asked(
     if attempt is not None and attempt.is_decided and decision.shown >= Visibility.FEEDBACK:
         place = replace(place, points=sample[1].points if sample else None)
     view = present_question(library, quiz.id, question) | {"path": f"/try/{quiz.id}/{question.id}"}
-    return describe_question(view, question, quiz.id, Work(access, {(quiz.id, question.id): place}), typed)
+    return describe_question(
+        view, question, quiz.id, Work(access, {(quiz.id, question.id): place}, lambda _: None), typed
+    )
 
 
 def choose_moment(policy: Policy, *, is_over: bool) -> datetime:

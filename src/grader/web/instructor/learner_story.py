@@ -51,7 +51,8 @@ def story(
         counts = results.find_everywhere(session, who.course, learner)
         right = results.find_right_but_late(session, who.course, [learner], averaged)
         unseen = find_unseen(session, who).results
-        shown = [(row, read_in_full(row, seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
+        read = services.answers_in(services.library_for(Identity(learner, "", Role.STUDENT, who.course)))
+        shown = [(row, read_in_full(row, read(row), seen.verdicts.get(row.id))) for row in rows[:ANSWERS]]
         marks = make_marks(session, who.course)
     given = [(row.quiz, row.question, None if row.id in seen.names else attempt) for row, attempt in shown]
     cells = {at: make_cell(result, unseen, right) for at, result in counts.items()}

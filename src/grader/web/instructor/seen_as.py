@@ -14,10 +14,9 @@ from grader.courses.people.audit import Action, record
 from grader.courses.people.identity import Identity, Role
 from grader.courses.people.namesakes import make_marks, mark_name
 from grader.courses.reviewing.blinding import find_unseen, hide_names
-from grader.courses.reviewing.desk import Desk
 from grader.errors import NotFound
 from grader.gate.late_routes import page_router
-from grader.gate.services import AppServices
+from grader.gate.services import AppServices, Services
 from grader.library.lesson_ids import find_lesson_id
 from grader.questions import Quiz, kind_of
 from grader.store import people, submissions
@@ -42,7 +41,7 @@ def lesson_as(learner: str, lesson: str, request: Request, services: AppServices
     loaded = find_lesson(services.library_for(Identity(learner, "", Role.STUDENT, who.course)), f"/lessons/{lesson}")
     with services.database.write() as session:
         reader = get_learner(session, who, learner)
-        work = read_visible_work(session, desk, who, reader, loaded.quizzes)
+        work = read_visible_work(session, services, who, reader, loaded.quizzes)
         record(session, who, who.course, Action.SEEN_AS, reader.id, lesson=lesson)
     shown = build_lesson_page(desk.library, loaded, work)
     for question in (view for quiz in shown["quizzes"] for view in quiz["questions"]):
@@ -64,7 +63,7 @@ def exercise_as(
         return RedirectResponse(f"{make_path(learner)}/lessons/{find_lesson_id(quiz_id)}#{quiz_id}--{question_id}", 303)
     with services.database.write() as session:
         reader = get_learner(session, who, learner)
-        work = read_visible_work(session, desk, who, reader, [quiz])
+        work = read_visible_work(session, services, who, reader, [quiz])
         attempts = list_attempts(session, work, reader, quiz_id, question_id, also=[attempt])
         names = hide_names(
             desk, session, who, submissions.get_several(session, [attempt.id for attempt in attempts]), {}
@@ -96,9 +95,12 @@ def render(request: Request, template: str, who: Identity, reader: Identity, sho
     return page(request, template, 200, READ_ONLY, who=who, seen_as=reader, **shown)
 
 
-def read_visible_work(session: Session, desk: Desk, who: Identity, reader: Identity, quizzes: Sequence[Quiz]) -> Work:
+def read_visible_work(
+    session: Session, services: Services, who: Identity, reader: Identity, quizzes: Sequence[Quiz]
+) -> Work:
     """A learner's work, without answers and marks that the instructor is kept from seeing under the learner's name."""
-    work = read_work(session, desk.library, reader, quizzes)
+    desk = services.desk_of(who.course)
+    work = read_work(session, desk.library, reader, quizzes, services.answers_in(desk.library))
     newest = submissions.find_newest(session, reader.course, reader.id)
     earlier = [comment.submission for place in work.places.values() for comment in place.commented]
     rows = [*newest, *submissions.get_several(session, earlier)] if earlier else newest

@@ -65,7 +65,7 @@ def show_lessons(request: Request, services: Services, who: Identity | None, les
     library, reader = services.library_for(who), find_reader(who)
     quizzes = [quiz for lesson in lessons for quiz in lesson.quizzes]
     with services.database.read() as session:
-        work = read_work(session, library, reader, quizzes)
+        work = read_work(session, library, reader, quizzes, services.answers_in(library))
     rows = [
         {
             "lesson": lesson,
@@ -93,7 +93,7 @@ def show_lesson(
     library, reader = services.library_for(who), find_reader(who)
     lesson = find_lesson(library, address)
     with services.database.read() as session:
-        work = read_work(session, library, reader, lesson.quizzes)
+        work = read_work(session, library, reader, lesson.quizzes, services.answers_in(library))
     shown = build_lesson_page(library, lesson, work, typed)
     shown["is_one_of_several"] = len(group_lessons(library)) > 1
     return page(request, "lesson.html", status, who=who, address=address, **shown)
@@ -137,7 +137,7 @@ def show_exercise(
     library, reader = services.library_for(who), find_reader(who)
     quiz = library.quiz(quiz_id)
     with services.database.read() as session:
-        work = read_work(session, library, reader, [quiz])
+        work = read_work(session, library, reader, [quiz], services.answers_in(library))
         attempts = list_attempts(session, work, reader, quiz_id, question_id, also=[attempt])
         state, newest = (attempts[0].state, attempts[0].id) if attempts else ("", "")
         ahead = jobs.count_ahead(session, newest, reader.id) if state == QUEUED else None
@@ -158,7 +158,7 @@ def compare(
     library = services.library_for(who)
     quiz, question = library.find(quiz_id, question_id)
     with services.database.read() as session:
-        work = read_work(session, library, who, [quiz])
+        work = read_work(session, library, who, [quiz], services.answers_in(library))
         attempts = list_attempts(session, work, who, quiz_id, question_id, also=[left, right])
     if len(attempts) < 2:
         raise NotFound("There are no two attempts to compare yet.")
@@ -182,7 +182,7 @@ def reel(
     library = services.library_for(who)
     question = library.question(quiz_id, question_id)
     with services.database.read() as session:
-        work = read_work(session, library, who, [library.quiz(quiz_id)])
+        work = read_work(session, library, who, [library.quiz(quiz_id)], services.answers_in(library))
         attempts = list_attempts(session, work, who, quiz_id, question_id, most=REEL_MAX)
     whole = [given for given in attempts if given.is_whole]
     title, base = list_titles(library)[quiz_id, question_id], f"/quizzes/{quiz_id}/{question_id}"
@@ -231,7 +231,7 @@ def plot(quiz_id: str, question_id: str, attempt: str, name: str, *, services: A
         raise Unauthorized(SIGN_IN)
     library = services.library_for(who)
     with services.database.read() as session:
-        work = read_work(session, library, who, [library.quiz(quiz_id)])
+        work = read_work(session, library, who, [library.quiz(quiz_id)], services.answers_in(library))
         attempts = list_attempts(session, work, who, quiz_id, question_id, also=[attempt])
     given = next(
         (candidate for candidate in attempts if candidate.id == attempt and candidate.verdict is not None), None

@@ -1,7 +1,6 @@
 """A learner's work as pages show it: read once for a page, and redacted by the policy."""
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, NamedTuple
@@ -29,6 +28,9 @@ from grader.store.submissions import AttemptMark, SubmissionFilter, VerdictMark
 from grader.store.tables import Result, Submission
 from grader.web.text.numbers import write_points
 from grader.web.text.statuses import NOT_ANSWERED, QUEUED, RUNNING, STATUSES, Badge, describe_status
+
+ReadAnswer = Callable[[Submission], Any]
+"""Returns a stored answer as it is shown beside its question now."""
 
 ATTEMPTS_MAX = 12
 """Attempts that a page reads with answers and whole verdicts, the newest ones; of older ones it reads a line."""
@@ -171,6 +173,7 @@ class Work:
 
     access: LearnerAccess
     places: Mapping[tuple[str, str], QuestionPlace]
+    read: ReadAnswer
 
     def points(self, quiz: Quiz) -> tuple[float, float]:
         """Returns the points so far, and how many there are."""
@@ -178,14 +181,13 @@ class Work:
         return sum(place.points or 0.0 for place in places), sum(place.of for place in places)
 
 
-def read_work(session: Session, library: Library, who: Identity, quizzes: Sequence[Quiz]) -> Work:
+def read_work(session: Session, library: Library, who: Identity, quizzes: Sequence[Quiz], read: ReadAnswer) -> Work:
     """Returns the newest answer and the result at every question of some quizzes."""
     access = read_access(session, library, who)
     named = {quiz.id for quiz in quizzes}
     rows = [row for row in submissions.find_newest(session, who.course, who.id) if row.quiz in named]
-    newest = {
-        (row.quiz, row.question): given for row, given in zip(rows, read_answers(session, access, rows), strict=True)
-    }
+    given = read_answers(session, access, rows, read)
+    newest = {(row.quiz, row.question): each for row, each in zip(rows, given, strict=True)}
     own_results = results.find_everywhere(session, who.course, who.id)
     places = {}
     for quiz in quizzes:
@@ -194,10 +196,10 @@ def read_work(session: Session, library: Library, who: Identity, quizzes: Sequen
             places[at] = describe_place(access, quiz, question, newest.get(at), own_results.get(at))
     for comment in line_comments.list_of_learner(session, who.course, who.id):
         at = (comment.quiz, comment.question)
-        given = newest.get(at)
-        if at in places and given is not None and given.withheld is None and given.id != comment.submission:
+        latest = newest.get(at)
+        if at in places and latest is not None and latest.withheld is None and latest.id != comment.submission:
             places[at] = replace(places[at], commented=(*places[at].commented, comment))
-    return Work(access, places)
+    return Work(access, places, read)
 
 
 def describe_place(
@@ -225,7 +227,8 @@ def list_attempts(
     )
     wanted = {comment.submission for comment in work.places[quiz, question].commented} | {*also}
     whole = [mark.id for at, mark in enumerate(marks) if at < most or mark.id in wanted]
-    read = {given.id: given for given in read_answers(session, work.access, submissions.get_several(session, whole))}
+    rows = submissions.get_several(session, whole)
+    read = {given.id: given for given in read_answers(session, work.access, rows, work.read)}
     return compare_attempts([read.get(mark.id) or read_in_short(work.access, quiz, question, mark) for mark in marks])
 
 
@@ -262,10 +265,12 @@ def compare_attempts(attempts: Sequence[GivenAnswer]) -> list[GivenAnswer]:
     return [replace(attempt, progress=by_attempt.get(attempt.attempt, "")) for attempt in given]
 
 
-def read_answers(session: Session, access: LearnerAccess, rows: Sequence[Submission]) -> list[GivenAnswer]:
+def read_answers(
+    session: Session, access: LearnerAccess, rows: Sequence[Submission], read: ReadAnswer
+) -> list[GivenAnswer]:
     """Stored answers as the learner may see them now."""
     verdicts, marks = submissions.read_verdicts(session, rows), submissions.last_marks(session, rows)
-    attempts = [read_answer(access, row, verdicts.get(row.id), marks.get(row.id)) for row in rows]
+    attempts = [read_answer(access, row, read(row), verdicts.get(row.id), marks.get(row.id)) for row in rows]
     scripts = [attempt.id for attempt in attempts if attempt.is_script and attempt.withheld is None]
     comments = read_comments(session, scripts)
     return [replace(attempt, comments=comments.get(attempt.id, ())) for attempt in attempts]
@@ -279,12 +284,12 @@ def read_comments(session: Session, ids: Sequence[str]) -> dict[str, list[Commen
 
 
 def read_answer(
-    access: LearnerAccess, row: Submission, verdict: Any | None, marks: tuple[VerdictMark, VerdictMark] | None
-) -> GivenAnswer:
+    access: LearnerAccess, row: Submission, answer: Any, verdict: Any | None,
+    marks: tuple[VerdictMark, VerdictMark] | None,
+) -> GivenAnswer:  # fmt: skip
     """Returns one answer of `given_of`."""
     decision = access.decide(row.quiz, row.question)
     settled = verdict if row.status in submissions.AT_REST else None
-    answer = json.loads(row.answer) if row.answer else None
     shown = redact_json(settled, decision)
     again = "" if marks is None or decision.shown < Visibility.FEEDBACK else describe_regrade(*marks)
     return GivenAnswer(row.id, row.attempt, row.created_at, answer, row.status, shown, decision.withheld, again,
@@ -312,9 +317,8 @@ def describe_regrade(before: VerdictMark, after: VerdictMark) -> str:
     return f"{opening}: {write_points(after.points)} {worth} now, {write_points(before.points)} {earlier} before."
 
 
-def read_in_full(row: Submission, verdict: Any | None) -> GivenAnswer:
+def read_in_full(row: Submission, answer: Any, verdict: Any | None) -> GivenAnswer:
     """Returns a stored answer as an instructor sees it, with the verdict as reviewers may see it."""
-    answer = json.loads(row.answer) if row.answer else None
     settled = verdict if row.status in submissions.AT_REST else None
     return GivenAnswer(row.id, row.attempt, row.created_at, answer, row.status, settled, None)
 

@@ -35,7 +35,8 @@ def reel(
     open_rows = [row for row in rows if row.id not in seen.names]
     if not open_rows:
         raise NotFound(NO_ATTEMPT)
-    attempts = compare_attempts([read_in_full(row, seen.verdicts.get(row.id)) for row in open_rows])
+    read = services.answers_in(desk.library)
+    attempts = compare_attempts([read_in_full(row, read(row), seen.verdicts.get(row.id)) for row in open_rows])
     at = quiz_id, question_id
     titles = list_titles(desk.library)
     known = desk.library.question(quiz_id, question_id) if at in titles else None

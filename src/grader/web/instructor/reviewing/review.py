@@ -266,7 +266,7 @@ def render(
     with at.services.database.read() as session:
         row = get_submission(session, who, submission_id)
         seen = hide_names(desk, session, who, [row], submissions.read_verdicts(session, [row]))
-        given = read_in_full(row, seen.verdicts.get(row.id))
+        given = read_in_full(row, at.services.answers_in(desk.library)(row), seen.verdicts.get(row.id))
         written = read_comments(session, [row.id]).get(row.id, [])
         claim, review = stored.find_claim(session, row.id, now()), stored.find_review(session, row.id)
         marks = review if review is not None and review.second == DIFFERS else None

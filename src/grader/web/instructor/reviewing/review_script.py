@@ -137,12 +137,13 @@ def render_try(
 ) -> Response:  # fmt: skip
     """Renders the page: the copy, its verdict, and that on the learner's script. Raises NotFound, Unprocessable."""
     desk = services.desk_of(who.course)
+    read = services.answers_in(desk.library)
     with services.database.read() as session:
         row = get_submission(session, who, submission_id)
         source = read_source(row)
         seen = hide_names(desk, session, who, [row], submissions.read_verdicts(session, [row]))
         learner = name_learner(row, seen.names, make_marks(session, who.course))
-        original = build_card(read_in_full(row, seen.verdicts.get(row.id)))
+        original = build_card(read_in_full(row, read(row), seen.verdicts.get(row.id)))
         copies = line_comments.list_copies(session, row.id, who.id)[:COPIES]
         chosen = find_copy(session, copies, copy)
         verdicts = {} if chosen is None else submissions.read_verdicts(session, [chosen])
@@ -156,7 +157,7 @@ def render_try(
         "original": original,
         "copies": copies,
         "copy": chosen,
-        "card": None if chosen is None else build_card(read_in_full(chosen, verdicts.get(chosen.id))),
+        "card": None if chosen is None else build_card(read_in_full(chosen, read(chosen), verdicts.get(chosen.id))),
         "trouble": trouble,
     }
     return page(request, "review_try.html", status, who=who, **context)
