@@ -7,8 +7,8 @@ from pathlib import Path
 import httpx
 import pytest
 
+from grader.courses.people.identity import COOKIE
 from grader.courses.people.sign_in import create_sign_in_code, redeem_sign_in_code
-from grader.gate.sessions import COOKIE
 from grader.settings import Settings
 from support.sites import Site, open_site, write_content
 
