@@ -62,6 +62,15 @@ def test_a_roster_makes_members_and_the_same_again_changes_nothing(tina: httpx.C
     assert "ada@school.example" not in str(actions)
 
 
+def test_a_letter_that_is_written_as_two_characters_makes_nobody_a_second_time(tina: httpx.Client) -> None:
+    composed, decomposed = "Zo\u00eb", "Zoe\u0308"
+    send(tina, f"name,external_id\n{composed},9\n", namespace="canvas")
+    assert send(tina, f"name,external_id\n{decomposed},9\n", namespace="canvas").json()["unchanged"] == 1
+    for name in (composed, decomposed):
+        assert tina.post(f"{API}/tokens", json={"user": f"{name}2", "role": "student"}).status_code == 201
+    assert [name for name in members(tina) if name.endswith("2")] == [f"{composed}2"]
+
+
 def test_a_name_of_the_roster_makes_nobody_a_second_time(tina: httpx.Client) -> None:
     """A link or a token for such a name would be somebody else's, and the marks too."""
     send(tina, "name,external_id\nHana,7\n", namespace="canvas")

@@ -151,9 +151,10 @@ def build_row(
     """The row of the learner with this id; `known` has the name and the columns `results.KNOWN` of a member. `marks`
     has those of learners whose name another bears too."""
     is_named = known.account is not None and known.account.startswith(NAMED)
+    login = known.account.removeprefix(NAMED) if is_named else ""
     is_canvas = known.namespace == CANVAS
     return LearnerRow(
-        user=known.name, login=known.name if is_named else "", id=learner, email=known.email or "",
+        user=known.name, login=login, id=learner, email=known.email or "",
         lms_id=known.external_id if is_canvas else "", sis_id="" if is_canvas else known.external_id or "",
         points=points, mark=marks.get(learner, "")
     )  # fmt: skip

@@ -74,7 +74,7 @@ def find_learner(database: Database, service: Identity, who: External, name: str
     they become a member of the service's course. A `name` replaces the earlier one, unless an instructor set
     that. Raises Unprocessable, and Forbidden for a learner whom an instructor has removed."""
     if name is not None:
-        check_name("learner", name)
+        name = check_name("learner", name)
     with database.read() as session:
         member = stored_people.find_with_account(session, service.course, who.account)
     is_news = member is not None and name not in (None, member.name) and member.named_by is None

@@ -7,6 +7,7 @@ import hmac
 import re
 import secrets
 import time
+import unicodedata
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import timedelta
@@ -208,15 +209,17 @@ def read_identity(credential: Credential) -> Identity:
 
 
 def check_name(what: str, name: str) -> str:
-    """Returns the name. Raises Unprocessable if it is empty, too long, or has characters that cannot be seen."""
+    """Returns the name, composed, as one letter may be written as two characters. Raises Unprocessable if it is empty,
+    too long, or has characters that cannot be seen."""
+    name = unicodedata.normalize("NFC", name)
     if not name.strip() or len(name) > NAME or name != visible_part(name):
         raise Unprocessable(f"A {what} has a name of 1 to {NAME} printable characters, not {name[: NAME + 1]!r}.")
     return name
 
 
 def visible_part(name: str) -> str:
-    """Returns the name without characters that cannot be seen, which other systems may send."""
-    return "".join(filter(str.isprintable, INVISIBLE.sub("", name)))
+    """Returns the name, composed, without characters that cannot be seen, which other systems may send."""
+    return "".join(filter(str.isprintable, INVISIBLE.sub("", unicodedata.normalize("NFC", name))))
 
 
 def check_role(role: str) -> Role:

@@ -97,7 +97,8 @@ def find_meant(session: Session, name: str, course: str) -> Member | None:
     """Returns the member whom an instructor or operator made under this name, or whose id it is; None where the name is
     new, or only learners bear it who chose it themselves. Raises Unprocessable, and Conflict where members bear it who
     came in by another way: the caller most likely means one of them, and would make them a second time."""
-    member = people.find_with_account(session, course, f"name:{check_name('user', name)}")
+    name = check_name("user", name)
+    member = people.find_with_account(session, course, f"name:{name}")
     if member is not None and member.removed_at is None:
         return member
     if member := people.get(session, name, course):

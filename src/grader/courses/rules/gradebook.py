@@ -50,9 +50,9 @@ class Column:
 class LearnerRow(NamedTuple):
     """One learner, with the points that count by (quiz, question); what is missing is an empty cell. `user` is the
     name, which several may bear; `id` tells them apart and never changes. `mark` follows a name that another bears too:
-    without one Canvas gives the points of both to the first whom it finds by name. `login` is a name that an instructor
-    gave. A name that learners chose themselves is left out: in an LMS it may be the login of another person. `lms_id`
-    is the learner's number in Canvas."""
+    without one Canvas gives the points of both to the first whom it finds by name. `login` is the name that an
+    instructor gave first. A name that learners chose themselves is left out: in an LMS it may be the login of another
+    person. `lms_id` is the learner's number in Canvas."""
 
     user: str
     login: str = ""
