@@ -22,6 +22,14 @@ if TYPE_CHECKING:  # it needs the packages of the extra
 
 URLS = ("login_url", "token_url", "keys_url")
 
+ADDRESSES = {
+    "issuer": "issuer",
+    "login_url": "authentication request URL (login_url)",
+    "token_url": "access token URL (token_url)",
+    "keys_url": "public keyset URL (keys_url)",
+}
+"""What must be an https address, and what platforms call it. That of an issuer: OpenID Connect Core, section 2, `iss`."""
+
 
 def read_registration(fields: Mapping[str, Any]) -> Registration:
     """Returns a registration as somebody typed it. Raises Unprocessable for an address that is not https. `origins` are
@@ -29,9 +37,9 @@ def read_registration(fields: Mapping[str, Any]) -> Registration:
     texts = {
         name: str(fields.get(name) or "").strip() for name in ("name", "issuer", "client_id", "token_audience", *URLS)
     }
-    for name in URLS:
+    for name, words in ADDRESSES.items():
         if not is_of_platform(texts[name]):
-            raise Unprocessable(f"The {name} is an https address without user name, not {texts[name]!r}.")
+            raise Unprocessable(f"The {words} is an https address without user name, not {texts[name]!r}.")
     origins = [str(origin).strip() for origin in fields.get("origins") or ()]
     for origin in origins:
         if not is_of_platform(origin) or read_origin(origin) != origin.rstrip("/"):

@@ -169,6 +169,7 @@ def test_platforms_belong_to_the_installation(pair: Joined) -> None:
         {"token_url": "https://user:word@moodle.example/token"},
         {"token_url": ""},
         {"issuer": ""},
+        {"issuer": "moodle.example"},
         {"issuer": "x" * 300},
         {"origins": ["https://moodle.example/path"]},
         {"origins": ["*"]},
@@ -223,6 +224,10 @@ def test_the_page_registers_approves_and_removes(pair: Joined) -> None:
     assert admin.post(f"/instructor/lti/platforms/{made['id']}/approve").status_code == 303
     again = admin.post("/instructor/lti/platforms", data=form)
     assert (again.status_code, "registered with this client id" in again.text) == (422, True)
+    for typed in (form["client_id"], "https://a.example https://b.example"):
+        assert f'value="{typed}"' in again.text, "what was typed is there to be corrected"
+    refused = admin.post("/instructor/lti/platforms", data=form | {"login_url": "moodle.example"})
+    assert "The authentication request URL (login_url) is an https address" in refused.text
     assert "/lti/register?token=" in admin.post("/instructor/lti/registration").text
     assert admin.post(f"/instructor/lti/platforms/{made['id']}/remove").status_code == 303
     assert form["name"] not in admin.get("/instructor/lti").text

@@ -45,7 +45,7 @@ def render(request: Request, services: Services, who: Identity, status: int = 20
     lists = services.sessions.reading(listed)
     tool = list_addresses(services.origin_of(request))
     trouble = None if services.tool is not None else MISSING
-    context = {"trouble": trouble, "administers": administers, "tool": tool, **lists, **more}
+    context = {"trouble": trouble, "administers": administers, "tool": tool, "typed": {}, **lists, **more}
     return page(request, "platforms.html", status, PRIVATE, who=who, **context)
 
 
@@ -58,7 +58,7 @@ def add(request: Request, services: AppServices, who: Instructor, form: Form) ->
         given = administration.read_registration({**form, "origins": form.get("origins", "").split()})
         services.sessions.writing(lambda session: rules.add(session, who, given, form.get("deployment_id", "").strip()))
     except CallerError as error:
-        return render(request, services, who, 422, trouble=str(error))
+        return render(request, services, who, 422, trouble=str(error), typed=form)
     return RedirectResponse(PAGE, 303)
 
 
