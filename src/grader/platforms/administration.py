@@ -28,7 +28,7 @@ ADDRESSES = {
     "token_url": "access token URL (token_url)",
     "keys_url": "public keyset URL (keys_url)",
 }
-"""What must be an https address, and what platforms call it. That of an issuer: OpenID Connect Core, section 2, `iss`."""
+"""What must be an https address, by its field. An issuer: OpenID Connect Core, section 2, `iss`."""
 
 
 def read_registration(fields: Mapping[str, Any]) -> Registration:
