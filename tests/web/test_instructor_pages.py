@@ -6,7 +6,9 @@ import io
 import json
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -52,9 +54,9 @@ GRADED: dict[str, Any] = {
 }
 
 
-@pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    folder = tmp_path_factory.mktemp("pages")
+@contextmanager
+def open_graded(folder: Path) -> Iterator[Site]:
+    """A server with a graded quiz, a script and the small quiz."""
     content = write_content(folder / "content")
     (content / "quizzes" / "2-graded.json").write_text(json.dumps(GRADED))
     lesson = json.loads((ROOT / "quizzes" / "1.3-exercises.json").read_text())
@@ -64,6 +66,19 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         json.dumps({**lesson, "id": "3-scripts", "questions": [script]})
     )
     with open_site(Settings(content=content, data=folder / "data", workers=0)) as site:
+        yield site
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    with open_graded(tmp_path_factory.mktemp("pages")) as site:
+        yield site
+
+
+@pytest.fixture
+def alone(tmp_path: Path) -> Iterator[Site]:
+    """A course that no other shares its folder with."""
+    with open_graded(tmp_path) as site:
         yield site
 
 
@@ -481,7 +496,8 @@ def test_content_that_was_refused_is_told_until_it_is_mended(site: Site, tina: h
     assert "refused" not in words(page(tina, "/instructor"))
 
 
-def test_a_draft_is_read_previewed_and_published_as_it_was_seen(site: Site, tina: httpx.Client) -> None:
+def test_a_draft_is_read_previewed_and_published_as_it_was_seen(alone: Site) -> None:
+    site, tina = alone, browser(alone, "tina", "instructor")
     path = site.settings.content / "quizzes" / "2-graded.json"
     assert "nothing to publish" in words(page(tina, DRAFT))
     answer(site.client("ann"), "2-graded", "which", 1)
@@ -517,6 +533,22 @@ def test_a_draft_is_read_previewed_and_published_as_it_was_seen(site: Site, tina
     assert "Why not?" in json.dumps(tina.get(f"{API}/quizzes/2-graded").json())
     assert "nothing to publish" in words(page(tina, DRAFT))
     assert any(item["action"] == "content reloaded" for item in tina.get(f"{API}/audit").json()["items"])
+    path.write_text(json.dumps(GRADED))
+    assert tina.post(f"{API}/content:reload").status_code == 200
+
+
+def test_a_draft_of_a_folder_that_several_courses_use_says_so(alone: Site) -> None:
+    site, tina = alone, browser(alone, "tina", "instructor")
+    path = site.settings.content / "quizzes" / "2-graded.json"
+    answer(site.client("ann"), "2-graded", "which", 1)
+    rob = browser(site, "rob", "instructor", "robots")
+    which, *others = GRADED["questions"]
+    path.write_text(json.dumps({**GRADED, "questions": [{**which, "q": "Which one?"}, *others]}))
+    seen = page(rob, DRAFT)
+    assert "Nobody has answered it yet" not in words(seen)
+    assert "for all learners of the course, and of another that uses the same folder, at once" in words(seen)
+    assert rob.post(DRAFT, data={"revision": revision_in(seen)}).status_code == 303
+    assert tina.get(f"{API}/audit").json()["items"][0]["action"] == "content reloaded"
     path.write_text(json.dumps(GRADED))
     assert tina.post(f"{API}/content:reload").status_code == 200
 
@@ -568,7 +600,8 @@ def test_a_draft_is_for_instructors(site: Site) -> None:
     assert browser(site, "ann").get(f"{DRAFT}/2-graded/which").status_code == 403
 
 
-def test_the_draft_says_that_marks_follow_a_changed_rubric_at_once(site: Site, tina: httpx.Client) -> None:
+def test_the_draft_says_that_marks_follow_a_changed_rubric_at_once(alone: Site) -> None:
+    site, tina = alone, browser(alone, "tina", "instructor")
     path = site.settings.content / "quizzes" / "2-graded.json"
     which, why = GRADED["questions"]
 

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Annotated, Any
 
 from fastapi import Depends, FastAPI, Request
+from sqlalchemy.orm import Session
 
 from grader.courses.answering.access import require_opened
 from grader.courses.answering.intake import NewAnswer, Receipt
@@ -28,6 +29,7 @@ from grader.grading.pipeline import Pipeline
 from grader.library import Library
 from grader.platforms.tool import Tool
 from grader.settings import Settings
+from grader.store import people
 from grader.store.engine.database import Database
 from grader.store.engine.group_commit import GroupCommit
 from grader.store.tables import Submission
@@ -76,8 +78,13 @@ class Services:
         content.reload(revision)
         digests = {quiz_id: content.library.digest(quiz_id) for quiz_id in content.library.quizzes}
         with self.database.write() as session:
-            record(session, who, who.course, Action.CONTENT_RELOADED, **digests)
+            for course in self.list_sharing(session, who.course):
+                record(session, who, course, Action.CONTENT_RELOADED, **digests)
         return content.library
+
+    def list_sharing(self, session: Session, course: str) -> list[str]:
+        """Returns the courses that use the content folder of a course, this one first."""
+        return self.content.list_sharing(course, people.list_courses(session))
 
     def library_for(self, who: Identity | None) -> Library:
         """Returns the current content of a user's course, with a learner's own numbers; of the default course for a

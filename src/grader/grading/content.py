@@ -2,7 +2,7 @@
 
 import json
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Lock
@@ -252,6 +252,11 @@ class Contents:
     def get(self, course: str) -> Content:
         """Returns the content of a course."""
         return self._all.get(course, self._every)
+
+    def list_sharing(self, course: str, courses: Iterable[str]) -> list[str]:
+        """Returns which of some courses use the folder of a course, this one first."""
+        own = self.get(course)
+        return [course, *(other for other in courses if other != course and self.get(other) is own)]
 
     def libraries(self) -> dict[str, Library]:
         """Returns every library by its course; the one for all other courses under the empty name."""

@@ -71,6 +71,11 @@ def list_with_home(session: Session, home: str) -> Sequence[Member]:
     return session.scalars(theirs.order_by(Folded(Member.course), Member.id)).all()
 
 
+def list_courses(session: Session) -> list[str]:
+    """The names of all courses that have a member, also of removed ones."""
+    return list(session.scalars(select(Member.course).distinct().order_by(Member.course)))
+
+
 def count_learners(session: Session, courses: Iterable[str]) -> dict[str, int]:
     """How many learners each of the courses has; one without is left out. Removed ones do not count."""
     here = (Member.course.in_(list(courses)), Member.role == "student", Member.removed_at.is_(None))

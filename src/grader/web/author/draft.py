@@ -1,10 +1,12 @@
 """The draft of a course in the service: what its content folder changes, what the keys say of it, and Publish."""
 
+from collections.abc import Sequence
 from typing import Any
 from urllib.parse import urlencode
 
 from fastapi import Request
 from fastapi.responses import RedirectResponse, Response
+from sqlalchemy.orm import Session
 
 from grader.certify.keys import propose_for_question
 from grader.courses.answering.policies import read_policies
@@ -82,7 +84,9 @@ def render(request: Request, services: AppServices, who: Instructor, trouble: st
     content = services.content.get(who.course)
     draft, now = content.read_draft(), content.library
     changes = list_changes(now, draft.library) if draft.library is not None else []
-    answered = count_answered(services, who.course, changes)
+    with services.database.read() as session:
+        sharing = services.list_sharing(session, who.course)
+        answered = count_answered(session, sharing, changes)
     marked = {} if draft.library is None else count_marked(services, who.course, draft.library, changes)
     rows = [describe_change(change, now, draft, answered, marked) for change in changes]
     remarks = (
@@ -92,19 +96,20 @@ def render(request: Request, services: AppServices, who: Instructor, trouble: st
     )
     return page(
         request, "draft.html", status, who=who, draft=draft, rows=rows, trouble=trouble, remarks=remarks,
+        others=len(sharing) - 1,
         is_same=draft.library is not None and draft.revision == revise(now),
         to_regrade=[f"{row['quiz']}/{row['part']}" for row in rows if row["regrade"]],
     )  # fmt: skip
 
 
-def count_answered(services: AppServices, course: str, changes: list[Change]) -> dict[tuple[str, str], int]:
-    """Returns how many learners have an attempt that counts, by quiz and question, at the quizzes that change."""
-    with services.database.read() as session:
-        return {
-            (quiz, question): learners
-            for quiz in sorted({change.quiz for change in changes})
-            for question, learners in results.count_learners(session, course, quiz).items()
-        }
+def count_answered(session: Session, courses: Sequence[str], changes: list[Change]) -> dict[tuple[str, str], int]:
+    """Returns how many learners of some courses have an attempt that counts, by quiz and question, at the quizzes that
+    change."""
+    return {
+        (quiz, question): learners
+        for quiz in sorted({change.quiz for change in changes})
+        for question, learners in results.count_learners(session, courses, quiz).items()
+    }
 
 
 def count_marked(
