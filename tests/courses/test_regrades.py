@@ -31,9 +31,9 @@ from grader.courses.regrading.regrades import RegradeRequest, Scope
 from grader.courses.rules.policy import count_points
 from grader.domain.policy import Extension
 from grader.domain.verdict import Status, Verdict, apply_review
-from grader.errors import Conflict, JailFault, NotFound
+from grader.errors import Conflict, ContentLost, JailFault, NotFound
 from grader.grading.content import Archive, Content
-from grader.grading.pipeline import Retries
+from grader.grading.pipeline import Pipeline, Retries
 from grader.grading.processes import Graders
 from grader.questions import Question
 from grader.questions.parts import by_id
@@ -686,3 +686,24 @@ def test_a_term_of_regrades(backend: str, tmp_path: Path, monkeypatch: pytest.Mo
         histories = 6 if Term.database.is_sqlite else 3
         run_state_machine_as_test(Term, settings=settings(max_examples=histories, stateful_step_count=15))
         Term.database.close()
+
+
+def test_an_answer_to_content_that_is_lost_is_shown_as_it_stands_and_looked_for_once(
+    course: Course, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    course.change(asked={"kind": "mcq", "options": ["a", "b"], "answer": 1})
+    handed_in = [course.hand_in(name, 1) for name in ("ann", "ben")]
+    course.change(asked={"kind": "mcq", "options": ["b", "a"], "answer": 1})
+    archive, tried = Archive(course.database), list[str]()
+
+    def lose(quiz: str, digest: str) -> Pipeline:
+        tried.append(digest)
+        raise ContentLost(digest)
+
+    digests = {"quiz": course.content.library.digest("quiz")}
+    archive._hold(digests["quiz"], course.content.pipeline)
+    monkeypatch.setattr(archive, "_taken", lose)
+    with course.database.read() as session:
+        rows = [session.get_one(Submission, each) for each in handed_in]
+        assert [archive.show_in(digests, row) for row in rows] == [1, 1]
+        assert tried == [rows[0].content_digest]

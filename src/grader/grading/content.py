@@ -41,6 +41,8 @@ class Archive:
         self.passed = passed
         self._database = database
         self._held: OrderedDict[str, Pipeline] = OrderedDict()
+        self._lost: set[str] = set()
+        """The digests of contents that could not be loaded, which no page tries again."""
         self._lock = Lock()
 
     def keep(self, course: str, pipeline: Pipeline) -> None:
@@ -91,10 +93,13 @@ class Archive:
 
     def _find_answered(self, row: Submission) -> Question | None:
         """Returns the question as it was answered; None if its content is lost."""
+        if row.content_digest in self._lost:
+            return None
         try:
             return self.get_pipeline(row.quiz, row.content_digest).library.question(row.quiz, row.question)
         except (ContentLost, NotFound) as error:
-            log.warning("an answer cannot be compared with its question", submission=row.id, why=str(error))
+            log.warning("answers cannot be compared with their question", quiz=row.quiz, why=str(error))
+            self._lost.add(row.content_digest)
             return None
 
     def find_media(self, sha256: str, name: str) -> Media | None:
