@@ -95,6 +95,8 @@ def test_parts_of_hidden_cases_that_fail_alike_are_one_line() -> None:
         ("It is smaller. In yours: model.nu = 1.", "model.nu = 1", ""),
         ("It departs at step 1.", 1.0031, "1.0031"),
         ("It is off by 0.943 s.", 0.9424, "0.9424"),
+        ("It is off.", [39.95, 40.05], "39.95 to 40.05"),
+        ("It is off.", [1.4414, 1.6696, 2.75], "1.4414, 1.6696, 2.75"),
     ],
 )
 def test_what_the_message_has_is_not_said_again(message: str, measured: object, shown: str) -> None:

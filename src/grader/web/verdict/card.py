@@ -276,6 +276,10 @@ def merge_cells(cells: Sequence[Cell]) -> list[Cell]:
     return merged
 
 
+RANGE = 2
+"""A list of so many numbers is the range between them; of more, it is these numbers."""
+
+
 def describe_value(value: Any) -> str:
     """Returns a measured or expected value in words; empty if there is none."""
     if value is None or isinstance(value, bool):
@@ -285,7 +289,7 @@ def describe_value(value: Any) -> str:
     if isinstance(value, str):
         return keep_unbroken(value)
     if isinstance(value, list):
-        return " to ".join(map(describe_value, value))
+        return (" to " if len(value) == RANGE else ", ").join(map(describe_value, value))
     if isinstance(value, dict):
         return ", ".join(f"{name.replace('_', ' ')} {describe_value(element)}" for name, element in value.items())
     return str(value)
