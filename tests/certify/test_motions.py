@@ -283,6 +283,16 @@ def test_a_period_that_changes_is_none_unless_one_wave_is_named_or_the_tolerance
     assert certify(numeric(float(waves[1]), 0.01, "s", by="measurement", when="period", **SWING, **one)).ok
 
 
+@pytest.mark.parametrize(("expr", "name"), [(X, "m"), (V, "m/s"), (ENERGY, "J"), (f"{X} * {X}", None)])
+def test_a_question_without_a_unit_is_remarked_where_the_expression_has_one(expr: str, name: str | None) -> None:
+    still = {"by": "measurement", "xml": world(slide()), "expr": expr, "seconds": 0.01}
+    certificate = certify(numeric(0, 0.1, "", **still))
+    assert certificate.ok, certificate.why
+    told = [remark for remark in certificate.remarks if "the question has no unit" in remark]
+    assert told == ([] if name is None else [remark for remark in told if f"a value in {name}, and" in remark])
+    assert len(told) == (name is not None)
+
+
 def test_a_decay_that_is_no_exponential_has_no_rate() -> None:
     """Dry friction takes the same from each swing, not the same share of it."""
     dry = {"xml": world(slide(joint='stiffness="50" frictionloss="0.2"')), "setup": "data.qpos[0] = 0.1", "expr": X,

@@ -31,7 +31,7 @@ from grader.domain.verify import (
 from grader.errors import CallerError, LabRefused
 from grader.experiments.runs import VerifyError, read_xml
 from grader.questions import AnswerKey, ModelXml, NumberKey, OptionKey
-from grader.questions.kinds.number.dimensions import explain_unit
+from grader.questions.kinds.number.dimensions import explain_missing_unit, explain_unit
 
 __all__ = ["Certificate", "certify_key"]
 
@@ -106,7 +106,11 @@ def _compare_units(certificate: Certificate, key: AnswerKey, model_xml: ModelXml
         return certificate
     if isinstance(verify, ByMeasurement) and verify.when in BASE_UNITS:  # of moments, whatever the expression is in
         return certificate
-    why = explain_unit(verify.expr, _read_model(verify, model_xml), key.unit) if key.unit else None
+    model = _read_model(verify, model_xml)
+    if not key.unit:
+        remark = explain_missing_unit(verify.expr, model) if certificate.ok else None
+        return certificate if remark is None else certificate.with_remark(remark)
+    why = explain_unit(verify.expr, model, key.unit)
     return certificate if why is None else replace(certificate, verdict="cannot tell", why=why, key="unit")
 
 

@@ -115,6 +115,17 @@ def explain_unit(text: str, model: mujoco.MjModel, unit: str) -> str | None:
     return None
 
 
+def explain_missing_unit(text: str, model: mujoco.MjModel) -> str | None:
+    """Returns why a question without a unit should have one; None where what is measured has none, or is not known."""
+    measured = read_dimension(text, model)
+    if measured is None or not measured.name:
+        return None
+    return (
+        f"The expression gives a value in {measured.name}, and the question has no unit: a number that is typed with "
+        "one is not read. Write the unit."
+    )
+
+
 def counts_turns(text: str) -> bool:
     """Whether a unit counts whole turns, such as Hz or rpm."""
     unit = known_unit(text)
