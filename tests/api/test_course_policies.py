@@ -39,7 +39,7 @@ COURSE: dict[str, Any] = {
     "feedback": "after_publish",
     "solutions": "with_feedback",
 }
-OF_THE_CONTENT = re.compile(r"2003|2171|2172|\b97\b|0\.41|\baverage\b|their average", re.IGNORECASE)
+OF_THE_CONTENT = re.compile(r"\b2003\b|\b2171\b|\b2172\b|\b97\b|0\.41|\baverage\b|their average", re.IGNORECASE)
 RULED: dict[str, Any] = {
     "id": "7.1-ruled",
     "title": "Ruled",

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import unicodedata
 import zipfile
 from collections.abc import Callable
 
@@ -18,7 +19,9 @@ from grader.errors import FaultyRows, Unprocessable
 
 RUNS = "=+-@\t\r"
 words = st.just(oneroster.MISSING) | st.text(st.characters(categories=["L", "N", "P", "S"]), min_size=1, max_size=8)
-names = st.lists(words, min_size=1, max_size=3).map(" ".join) | words.map("={}".format)
+names = (st.lists(words, min_size=1, max_size=3).map(" ".join) | words.map("={}".format)).map(
+    lambda name: unicodedata.normalize("NFC", name)
+)
 externals = st.builds(External, st.sampled_from(["school", "canvas", OWN]), words)
 roles = st.sampled_from([Role.STUDENT, Role.INSTRUCTOR])
 emails = st.sampled_from(["", "ada@school.example", "=1+1@x"])

@@ -40,9 +40,10 @@ def test_the_first_answer_brings_the_own_numbers_of_all_questions(page: Page) ->
     before = speed.locator(".prose").first.inner_text()
     speed.locator("input[type=text]").fill("3.652")
     rest.get_by_role("button", name="Send").click()
+    expect(rest.locator("[data-trouble]")).to_contain_text("From now on this question has numbers of your own")
+    expect(speed.locator("[data-trouble]")).to_have_text("These numbers are yours: read it again.")
     for each in (rest, speed):
-        expect(each.locator("[data-trouble]")).to_contain_text("From now on this question has numbers of your own")
-        expect(each).to_contain_text(OWN)
+        expect(each.locator("[data-numbers]")).to_contain_text(OWN)
     text = speed.locator(".prose").first.inner_text()
     assert text != before
     expect(speed.locator("[data-status]")).to_have_count(0)

@@ -1,5 +1,5 @@
-// What a learner has typed and not sent, in this browser's storage. The server's answer comes first: a draft that was
-// begun before a newer answer is only offered. Another tab's draft shows here where this tab has none of its own.
+// What a learner has typed and not sent. The server's answer comes first: a draft that was begun before a newer answer
+// is only offered. Another tab's draft shows here where this tab has none of its own.
 
 const PREFIX = "draft:";
 const ALL_TABS = "localStorage", THIS_TAB = "sessionStorage";
@@ -13,7 +13,7 @@ export class Drafts {
     this.begin(learner);
   }
 
-  // Names the learner; drafts from before the session are the learner's from here on.
+  // Drafts from before the session are the learner's from here on.
   begin(learner) {
     this.learner = learner;
     if (learner) this.adoptUnnamed();
@@ -47,7 +47,7 @@ export class Drafts {
     }
   }
 
-  // Keeps what is typed, for all tabs and for this one. It was begun after the answer `after`.
+  // Keeps what was typed after the answer `after`.
   keep(form, after = form.elements.after.value) {
     const draft = JSON.stringify({ fields: this.valueOf(form), after, at: Date.now() });
     for (const where of [ALL_TABS, THIS_TAB]) store(this.key(form), draft, where);
@@ -63,7 +63,7 @@ export class Drafts {
   restore(form) {
     const [draft, own] = [ALL_TABS, THIS_TAB].map((where) => read(recall(this.key(form), where)));
     if (!draft && !this.learner) return this.offerEarlier(form);
-    if (own?.fields && draft && !same(own.fields, draft.fields)) { // another tab has typed or sent something else since
+    if (own?.fields && draft && !same(own.fields, draft.fields)) {
       if (own.after !== form.elements.after.value) return this.offer(form, own.fields);
       this.put(form, own.fields);
       return draft.fields ? this.offer(form, draft.fields) : note(form, "not sent yet");
@@ -77,7 +77,6 @@ export class Drafts {
     }
   }
 
-  // Shows what another tab has typed, where this one has shown the same before, or nothing of its own.
   mirror(form, { oldValue, newValue }) {
     const [before, draft] = [oldValue, newValue].map(read), shown = this.valueOf(form);
     if (!draft?.fields || same(draft.fields, shown)) return;
@@ -88,7 +87,7 @@ export class Drafts {
     note(form, "not sent, from another tab");
   }
 
-  // Without a session, as after the end of one: the newest draft of whoever had the last one is offered.
+  // After a session the newest draft of whoever had it is offered.
   offerEarlier(form) {
     const drafts = keys().filter((key) => key.startsWith(PREFIX) && key.endsWith(`:${form.dataset.answer}`)).map((key) => read(recall(key)));
     const [newest] = drafts.filter((draft) => draft?.fields).sort((one, other) => (other.at ?? 0) - (one.at ?? 0));
@@ -132,7 +131,7 @@ function grouped(pairs) {
 const controls = (form) => Array.from(form.elements).filter((control) => ANSWER.test(control.name ?? "") && control.type !== "file"); // no script may choose a file
 const isBox = (control) => control.type === "radio" || control.type === "checkbox";
 
-// The value of a control when the page was loaded; of a list, that of its selected option.
+// What a control held when the page was loaded.
 function defaultOf(control) {
   if (control.tagName !== "SELECT") return control.defaultValue;
   return (Array.from(control.options).find((option) => option.defaultSelected) ?? control.options[0])?.value ?? "";
@@ -150,7 +149,7 @@ function note(form, sentence) {
   return node;
 }
 
-// Storage may be closed or full: then nothing is kept, and the page works all the same.
+// Storage may be closed or full: the page works all the same.
 function store(key, text, where = ALL_TABS) { try { window[where].setItem(key, text); } catch { /* nothing to do */ } }
 function recall(key, where = ALL_TABS) { try { return window[where].getItem(key); } catch { return null; } }
 function remove(key, where = ALL_TABS) { try { window[where].removeItem(key); } catch { /* nothing to do */ } }

@@ -8,7 +8,6 @@ const POLL_MS = 1500;
 const SILENCE_MS = 6000;
 const LABS = "[data-form], [data-film]";
 const OFFLINE = "The server cannot be reached. Your answer is kept in this browser; send it again when you are back.";
-const OWN_NUMBERS = "From now on this question has numbers of your own: read it again.";
 const SIGNED_OUT = "You are signed out. Your answer is kept in this browser: sign in in another tab, then send it again here.";
 
 const drafts = new Drafts(document.body.dataset.learner ?? "");
@@ -143,8 +142,7 @@ async function pageOf(response) {
   return page;
 }
 
-// Takes over the card of the form, the rail and the sums. What was typed while the answer travelled stays typed; where
-// another tab has sent the answer, it was begun before.
+// Takes over the card of the form, the rail and the sums. What was typed meanwhile stays typed.
 function take(page, form, sent, wasTaken, isOwn = true) {
   const card = form.closest("[data-live]");
   const begun = isOwn ? undefined : form.elements.after.value;
@@ -185,8 +183,7 @@ function take(page, form, sent, wasTaken, isOwn = true) {
   follow();
 }
 
-// The first answer has begun a session: every form of the page gets its name, and a question with numbers of the
-// learner's own these numbers. `sent` is the card that is taken over anyway.
+// The first answer has begun a session: forms get its name, questions the learner's own numbers, if there are any.
 function begin(page, sent) {
   const learner = (document.body.dataset.learner = page.body.dataset.learner);
   drafts.begin(learner);
@@ -197,7 +194,7 @@ function begin(page, sent) {
       swap(page, card.id);
       const fresh = formOf(form.dataset.answer);
       adopt(fresh);
-      tell(fresh, OWN_NUMBERS);
+      tell(fresh, "These numbers are yours: read it again.");
     }
   }
   const who = page.querySelector(".who");
