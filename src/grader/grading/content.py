@@ -72,35 +72,35 @@ class Archive:
         """Returns a stored answer as one to its question in the content of this digest. Raises NotFound, ContentLost
         and, where it is none, InvalidAnswer. Where the content that was answered is lost, the answer stays as it is."""
         answer = json.loads(row.answer)
-        question = self.get_pipeline(row.quiz, digest).library.question(row.quiz, row.question)
         if digest == row.content_digest or (earlier := self._find_answered(row)) is None:
             return answer
-        return carry_over(earlier, question, answer)
+        return carry_over(earlier, self.get_pipeline(row.quiz, digest).library.question(row.quiz, row.question), answer)
 
     def show_in(self, digests: Mapping[str, str], row: Submission) -> Any:
         """Returns a stored answer as it is shown beside its question in the content of these digests: in words, where
         it is no answer to that any more; None where the answer is not kept."""
-        digest = digests.get(row.quiz)
-        if not row.answer or digest in (None, row.content_digest):
-            return json.loads(row.answer) if row.answer else None
+        answer, digest = json.loads(row.answer) if row.answer else None, digests.get(row.quiz)
+        if answer is None or digest is None:
+            return answer
         try:
             return self.carry_over(row, digest)
         except (NotFound, ContentLost):
-            return json.loads(row.answer)
+            return answer
         except InvalidAnswer:
             earlier = self._find_answered(row)
-            return json.loads(row.answer) if earlier is None else show_answer(earlier, json.loads(row.answer))
+            return answer if earlier is None else show_answer(earlier, answer)
 
     def _find_answered(self, row: Submission) -> Question | None:
-        """Returns the question as it was answered; None if its content is lost."""
+        """Returns the question as it was answered; None if its content is lost. Raises NotFound."""
         if row.content_digest in self._lost:
             return None
         try:
-            return self.get_pipeline(row.quiz, row.content_digest).library.question(row.quiz, row.question)
-        except (ContentLost, NotFound) as error:
+            pipeline = self.get_pipeline(row.quiz, row.content_digest)
+        except ContentLost as error:
             log.warning("answers cannot be compared with their question", quiz=row.quiz, why=str(error))
             self._lost.add(row.content_digest)
             return None
+        return pipeline.library.question(row.quiz, row.question)
 
     def find_media(self, sha256: str, name: str) -> Media | None:
         """Returns a picture or file of any content that was loaded before."""

@@ -95,7 +95,7 @@ def get_draw(question: BaseModel) -> Any:
 
 def is_drawn(question: BaseModel) -> bool:
     """Whether every learner has numbers of their own in a question."""
-    return isinstance(question, Drawable) and bool(question.draw)
+    return bool(get_draw(question))
 
 
 def fill_in_middle(raw: Any) -> Any:

@@ -220,10 +220,7 @@ def find_swapped(parameters: ControllerParameters, problem: Problem, law: Fitted
     """Yields the two observed numbers whose gains are both wrong, and all sensible were the one the other. One wrong
     gain alone is too large, too small or of the wrong sign, also where the other one could have it."""
     columns = find_columns(parameters, problem)
-    wrong = [
-        name for name, allowed in parameters.law.items()
-        if classify_gain(float(law.gains[columns[name]]), *allowed, differentiated=law.differentiates)
-    ]  # fmt: skip
+    wrong = [name for name, what in classify_gains(parameters, problem, law).items() if what]
     for one, other in combinations(wrong, 2):
         gains, pair = law.gains.copy(), [columns[one], columns[other]]
         gains[pair] = gains[pair[::-1]]
@@ -300,10 +297,7 @@ def find_wrong_gains(parameters: ControllerParameters, problem: Problem, law: Fi
     """Yields what is wrong with the gains, by the ranges of the author's `law`."""
     columns = find_columns(parameters, problem)
     gains = {name: float(law.gains[columns[name]]) for name in parameters.law}
-    found = {
-        name: classify_gain(gain, *parameters.law[name], differentiated=law.differentiates)
-        for name, gain in gains.items()
-    }
+    found = classify_gains(parameters, problem, law)
     if sum(not what for what in found.values()) < 2:  # small gains alone are no angles in radians
         small = {name for name, gain in gains.items() if abs(gain) < min(map(abs, parameters.law[name]))}
         found = {name: LITTLE if name in small and what == DEGREES else what for name, what in found.items()}
@@ -329,6 +323,15 @@ def are_shares(parameters: ControllerParameters, problem: Problem, law: FittedLa
         classify_gain(most * gain, *parameters.law[name], differentiated=law.differentiates)
         for name, gain in known.items()
     )
+
+
+def classify_gains(parameters: ControllerParameters, problem: Problem, law: FittedLaw) -> dict[str, str]:
+    """Returns the sentence of each gain, as `classify_gain`, by the ranges of the author's `law`."""
+    columns = find_columns(parameters, problem)
+    return {
+        name: classify_gain(float(law.gains[columns[name]]), *allowed, differentiated=law.differentiates)
+        for name, allowed in parameters.law.items()
+    }
 
 
 def classify_gain(gain: float, low: float, high: float, *, differentiated: bool) -> str:
