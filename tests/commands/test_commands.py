@@ -250,7 +250,8 @@ def test_check_tells_certified_refuted_and_undecided_keys_apart(
       <joint type="slide" axis="1 0 0"/><geom size=".1" mass="2"/></body></worldbody></mujoco>"""
     verify = {"by": "measurement", "xml": xml, "expr": f"data.{'qvel' if is_known else 'qpos'}[0]", "seconds": 1}
     verify |= ({} if is_known else force) | ({} if accept is None else {"accept": accept})
-    question = {"id": "q1", "kind": "numeric", "q": "?", "answer": answer, "tol": 0.01, "verify": verify}
+    unit = "m/s" if is_known else "m"
+    question = {"id": "q1", "kind": "numeric", "q": "?", "answer": answer, "unit": unit, "tol": 0.01, "verify": verify}
     for folder in ("models", "quizzes"):
         (tmp_path / folder).mkdir()
     (tmp_path / "quizzes/one.json").write_text(json.dumps({"id": "one", "title": "One", "questions": [question]}))

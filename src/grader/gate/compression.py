@@ -4,8 +4,8 @@ from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 BYTES_MIN = 1024
-LEVEL = 5
-"""Nearly as small as 9, in a third of the time."""
+LEVEL = 6
+"""Within 1 % of the size at 9, in three quarters of its time."""
 
 
 class CompressionMiddleware(GZipMiddleware):
