@@ -1,5 +1,6 @@
 """Servers of others, for tests: real HTTP on loopback, answering as a function says."""
 
+import asyncio
 import json
 import socket
 import ssl
@@ -8,7 +9,10 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from ipaddress import ip_address
 from typing import Any
+
+from grader.platforms.sending.outgoing import Address
 
 HERE = "127.0.0.1"
 
@@ -89,3 +93,14 @@ def receiving(respond: Respond, tls: ssl.SSLContext | None = None) -> Iterator[i
         server.shutdown()
         server.server_close()
         thread.join()
+
+
+def resolving(*addresses: str) -> Callable[[str, int], "asyncio.Future[list[Address]]"]:
+    """A resolver that has these addresses for every name."""
+
+    def resolve(_host: str, _port: int) -> "asyncio.Future[list[Address]]":
+        future: asyncio.Future[list[Address]] = asyncio.get_running_loop().create_future()
+        future.set_result([ip_address(address) for address in addresses])
+        return future
+
+    return resolve

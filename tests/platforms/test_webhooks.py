@@ -25,7 +25,7 @@ from grader.store.outbox import WEBHOOK, Delivery, Destination
 from grader.store.results import LearnerAt
 from grader.store.tables import now
 from grader.store.upkeep import pruning
-from platforms.receivers import HERE, Answer, Asked, receiving
+from platforms.receivers import HERE, Answer, Asked, receiving, resolving
 from platforms.working import database_of, work
 from support.sites import Site
 
@@ -286,9 +286,9 @@ def test_a_url_that_leads_inside_is_refused_when_it_is_named(teacher: httpx.Clie
 
 
 def test_a_name_that_leads_inside_later_is_a_dead_letter(site: Site, teacher: httpx.Client) -> None:
-    create(teacher, "https://localhost:1/")
+    create(teacher, "https://hooks.example/")
     answer(site)
-    work(database_of(site), {WEBHOOK: Webhooks(Outgoing())})
+    work(database_of(site), {WEBHOOK: Webhooks(Outgoing(resolve=resolving("10.0.0.1")))})
     assert listed(teacher)[0]["error"] == "The host of the URL is not on the public internet."
 
 

@@ -20,6 +20,8 @@ NAME = re.compile(r"(?=.{1,253}$)[a-z0-9]([a-z0-9_-]{0,61}[a-z0-9])?(\.[a-z0-9](
 NUMERIC_END = re.compile(r"(^|\.)(0x[0-9a-f]*|[0-9]+)$")
 """A host that ends in such a label is an IPv4 address to some resolvers. Source: URL Standard, "ends in a number"."""
 
+NOT_PUBLIC = "The host of the URL is not on the public internet."
+
 
 class RefusedURL(ValueError):
     """A URL to which no request is sent; the message says why."""
@@ -51,8 +53,11 @@ def resolve_endpoint(url: str, private_hosts: Collection[str] = ()) -> Endpoint:
     if "@" in parts.netloc:
         raise RefusedURL("The URL must not hold a user name or password.")
     address = read_literal(host)
-    if address is not None and not is_private:
-        refuse_address(address)
+    if not is_private:
+        if address is not None:
+            refuse_address(address)
+        elif host == "localhost" or host.endswith(".localhost"):  # names of this machine: RFC 6761, 6.3
+            raise RefusedURL(NOT_PUBLIC)
     return Endpoint(parts.scheme, host, PORTS[parts.scheme] if port is None else port, is_private)
 
 
@@ -74,4 +79,4 @@ def refuse_address(address: IPv4Address | IPv6Address) -> None:
     if isinstance(address, IPv6Address):  # this leaves out NAT64, site-local and IPv4-compatible addresses too
         public = public and address in GLOBAL_V6 and not any(address in tunnel for tunnel in TUNNELS)
     if not public:
-        raise RefusedURL("The host of the URL is not on the public internet.")
+        raise RefusedURL(NOT_PUBLIC)
