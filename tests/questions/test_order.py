@@ -56,6 +56,16 @@ def test_what_is_shown_depends_on_the_set_of_texts_alone(key: list[str], data: s
     assert [item["id"] for item in shown] == [*"abcdefgh"][: len(key)]
 
 
+def test_a_finding_tells_items_apart_that_begin_alike() -> None:
+    begin = "the solver computes the forces of contacts "
+    question = asked(["first", f"{begin}from their distances", f"{begin}from their velocities"])
+    findings = grade_answer(question, ids_of(question, list(question.items))).findings
+    assert [finding.message for finding in findings] == [
+        f'"{begin}from their distances" comes directly after "first".',
+        f'"{begin}from their velocities" comes directly after "{begin}from their distances".',
+    ]
+
+
 @given(texts, st.data())
 def test_evidence_options_and_ids_of_an_answer_do_not_depend_on_the_key(key: list[str], data: st.DataObject) -> None:
     one, other = asked(key), asked(data.draw(st.permutations(key)))

@@ -17,6 +17,7 @@ from grader.queue import jobs
 from grader.service.accounts import in_database
 from grader.settings import Settings
 from grader.store import regrades, submissions
+from grader.web.frame.rendering import templates
 from support.servers import PLAIN
 from web.browsing import chromium, findings, service
 
@@ -152,8 +153,13 @@ def test_an_answer_of_an_expired_session_is_given_back(browser: httpx.Client) ->
     data = fields(card(page, "1.3-check--q4")) | {"answer": "A long text <b>"}
     response = browser.post("/quizzes/1.3-check/q4", data=data)
     assert response.status_code == 401
-    assert "You are signed out" in response.text
+    assert "the session of this browser has ended. Load the page again, then send it once more." in response.text
     assert "A long text &lt;b&gt;" in response.text
+
+
+def test_where_accounts_are_needed_the_cure_is_to_sign_in() -> None:
+    page = templates.get_template("signed_out.html").render(who=None, typed="", begin=False)
+    assert "the session of this browser has ended. Sign in in another tab, then send it again." in page
 
 
 def test_a_form_of_an_expired_session_is_not_said_to_be_kept(browser: httpx.Client) -> None:

@@ -303,7 +303,7 @@ def test_a_session_that_ends_in_the_middle_of_an_answer_loses_nothing(visit: Vis
     card.get_by_role("textbox").fill("Half a sentence")
     visit.context.clear_cookies()
     card.get_by_role("button").click()
-    expect(card.locator("[data-trouble].bad")).to_contain_text("signed out")
+    expect(card.locator("[data-trouble].bad")).to_contain_text("session of this browser has ended. Load the page")
     expect(card.get_by_role("textbox")).to_have_value("Half a sentence")
 
 

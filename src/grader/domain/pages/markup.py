@@ -90,7 +90,7 @@ def read_image(markup: str) -> dict[str, str]:
     return reader.attributes
 
 
-def quoted(text: str) -> str:
+def quoted(text: str, characters_max: int = 40) -> str:
     """Quote what a student typed, printable and short enough to repeat in a sentence."""
     clean = "".join(c if c.isprintable() else " " for c in text[:200]).strip()
-    return f'"{clean[:40]}…"' if len(clean) > 40 else f'"{clean}"'
+    return f'"{clean[:characters_max]}…"' if len(clean) > characters_max else f'"{clean}"'

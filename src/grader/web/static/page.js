@@ -8,7 +8,6 @@ const POLL_MS = 1500;
 const SILENCE_MS = 6000;
 const LABS = "[data-form], [data-film]";
 const OFFLINE = "The server cannot be reached. Your answer is kept in this browser; send it again when you are back.";
-const SIGNED_OUT = "You are signed out. Your answer is kept in this browser: sign in in another tab, then send it again here.";
 
 const drafts = new Drafts(document.body.dataset.learner ?? "");
 const announce = document.getElementById("announce");
@@ -123,7 +122,6 @@ async function send(form, submitter) {
     const body = form.enctype === "multipart/form-data" ? sent : new URLSearchParams(sent);
     const post = () => fetch(isStop ? submitter.formAction : form.action, { method: "POST", body, headers: { Accept: "text/html" } });
     const response = await (document.body.dataset.learner ? post() : alone(post));
-    if (response.status === 401) return tell(form, SIGNED_OUT, true);
     const page = await pageOf(response);
     if (!formOf(form.dataset.answer, page)) return tell(form, page.querySelector("main p")?.textContent ?? OFFLINE, true);
     if (response.ok && !isStop) drafts.sent(form);

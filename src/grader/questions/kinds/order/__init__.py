@@ -26,6 +26,8 @@ from grader.questions.question import Question
 UNTOUCHED = "Give each item its position first."
 REVERSED = "Your order is the reverse of the right one: check at which end it begins."
 ROTATED = "Your items follow each other rightly, but the order begins at the wrong one: check which comes first."
+CHARACTERS_QUOTED = 120
+"""Of an item in a finding: two that begin alike are told apart."""
 
 
 class OrderQuestion(Question):
@@ -153,17 +155,16 @@ def _key_of(question: OrderQuestion) -> tuple[str, ...]:
 def _findings(question: OrderQuestion, answer: tuple[str, ...]) -> Iterator[Finding]:
     """Yields a finding for each pair of neighbours in the answer."""
     words = {item: spoken_text(text) for item, text in by_id(question.items).items()}
+    names = {item: quoted(text, CHARACTERS_QUOTED) for item, text in words.items()}
     following = dict(pairwise(_key_of(question)))
     share = question.points / len(following)
     for at, (first, second) in enumerate(pairwise(answer), 1):
         passed = following.get(first) == second
-        message = (
-            f"{quoted(words[second])} {'comes' if passed else 'does not come'} directly after {quoted(words[first])}."
-        )
+        message = f"{names[second]} {'comes' if passed else 'does not come'} directly after {names[first]}."
         yield Finding(
             id=f"after-{at}", title=f"Positions {at} and {at + 1}", passed=passed, points=share if passed else 0.0,
             max_points=share, message=message, direction=message, measured=words[second],
-            expected=words[following[first]] if first in following else f"{quoted(words[first])} comes last"
+            expected=words[following[first]] if first in following else f"{names[first]} comes last"
         )  # fmt: skip
 
 
