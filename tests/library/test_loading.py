@@ -168,6 +168,13 @@ def test_a_fault_is_told_where_it_stands_with_its_cure(root: Path, question: Any
     assert why in by_key[key]
 
 
+def test_where_there_is_no_model_none_is_offered(root: Path) -> None:
+    for model in (root / "models").iterdir():
+        model.unlink()
+    write(root, {**NUMERIC, "verify": {"by": "expression", "expr": "5", "model": "bell"}})
+    assert "there is no models/bell.xml: add it, there is no model yet" in told(root)["q1.verify.model"]
+
+
 def test_one_question_with_many_faults_tells_them_all(root: Path) -> None:
     control = {"label": 3, "set": "x", "min": 0, "max": 1, "step": 0, "value": 1, "lable": "h"}
     write(root, {**PREDICT, "answer": 9, "points": -1, "optoins": [], "sim": {"model": "bell", "controls": [control]}})

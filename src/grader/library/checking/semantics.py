@@ -39,7 +39,8 @@ def unknown_models(raw: Any, models: Mapping[str, str], file: str, key: str) -> 
         if name not in models:
             bare = PurePosixPath(name).stem
             near = get_close_matches(name, models, n=1)
-            others = f"did you mean {near[0]!r}?" if near else f"take one of {', '.join(sorted(models))}"
+            names = f"take one of {', '.join(sorted(models))}" if models else "add it, there is no model yet"
+            others = f"did you mean {near[0]!r}?" if near else names
             cure = f"write {bare!r}, without folder and .xml" if bare in models else others
             yield Fault(file, at, f"there is no models/{name}.xml: {cure}")
 
