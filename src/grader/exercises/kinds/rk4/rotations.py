@@ -4,6 +4,7 @@ the last one. Quaternions are compared without their sign and length."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from itertools import product as product_of
 
 import mujoco
@@ -183,16 +184,23 @@ def turn_repeatedly(samples: RotationSamples, rows: Matrix, row: int) -> Rows:
     return quat
 
 
-def make_derivative(half: float, *, world: bool = False, xyzw: bool = False) -> Rule:
-    """Integrates the quaternion's own derivative, `half` times quat (0, w), or (0, w) quat in the world's axes."""
+def make_derivative(half: float, *, world: bool = False, xyzw: bool = False, chained: bool = False) -> Rule:
+    """Integrates the quaternion's own derivative, `half` times quat (0, w), or (0, w) quat in the world's axes. With
+    `chained` the slopes are those of quaternions that the step has kept, and normalised for MuJoCo alone."""
 
     def rule(samples: RotationSamples, rows: Matrix, row: int) -> Rows:
         quats = [shuffle(quat) if xyzw else quat for quat in samples.quats]
-        change = np.zeros(4)
-        for weight, quat, rate in zip(rows[row - 1], quats[1:], samples.rates[1:], strict=False):
-            omega = np.array([0.0, *rate])
-            change += weight * half * (multiply(omega, quat) if world else multiply(quat, omega))
-        moved: Rows = quats[0] + samples.h * change
+
+        def move(weights: Sequence[float], slopes: Sequence[Rows]) -> Rows:
+            terms = (weight * slope for weight, slope in zip(weights, slopes, strict=False))
+            return np.array(quats[0] + samples.h * sum(terms, np.zeros(4)))
+
+        slopes: list[Rows] = []
+        for stage in range(1, row if chained else len(quats) - 1):
+            quat, omega = quats[stage], np.array([0.0, *samples.rates[stage]])
+            quat = move(rows[stage - 1], slopes) if chained else quat
+            slopes.append(half * (multiply(omega, quat) if world else multiply(quat, omega)))
+        moved = move(rows[row - 1], slopes)
         return unshuffle(moved) if xyzw else moved
 
     return rule
@@ -200,6 +208,15 @@ def make_derivative(half: float, *, world: bool = False, xyzw: bool = False) -> 
 
 BODY = "in the body"
 DERIVATIVE = "derivative"
+IN_WORLD = (
+    "Your quaternion turns as if the angular velocity were given in the world's axes; it is in the body's axes, so "
+    "the derivative is quat * (0, omega) / 2."
+)
+TWICE = "The quaternion turns twice as fast as it should: its derivative is quat * (0, omega) / 2, with the 1/2."
+BACKWARDS = (
+    "Your quaternion turns backwards: its derivative is quat * (0, omega) / 2, with a plus and the angular velocity as "
+    "it is in data.qvel."
+)
 
 RIGHT: Mapping[str, Rule] = {BODY: turn_in_body, DERIVATIVE: make_derivative(0.5)}
 """Rules that are right: that of MuJoCo 3.14.0, with the classical weights, and one of fourth order."""
@@ -244,13 +261,19 @@ WRONG: Mapping[str, Rule] = {
     "every mj_integratePos.": make_in_place(last=True),
     "The position is moved four times, by one weighted velocity after the other, but rotations do not add up: sum the "
     "velocities first, then move once.": turn_repeatedly,
-    "Your quaternion turns as if the angular velocity were given in the world's axes; it is in the body's axes, so "
-    "the derivative is quat * (0, omega) / 2.": make_derivative(0.5, world=True),
-    "The quaternion turns twice as fast as it should: its derivative is quat * (0, omega) / 2, with the 1/2.": (
-        make_derivative(1.0)
-    ),
+    IN_WORLD: make_derivative(0.5, world=True),
+    TWICE: make_derivative(1.0),
+    BACKWARDS: make_derivative(-0.5),
 }
 """The rule behind each sentence."""
+
+CHAINED: Mapping[str, Rule] = {
+    DERIVATIVE: make_derivative(0.5, chained=True),
+    IN_WORLD: make_derivative(0.5, world=True, chained=True),
+    TWICE: make_derivative(1.0, chained=True),
+    BACKWARDS: make_derivative(-0.5, chained=True),
+}
+"""The same, of a step that normalises what it gives to MuJoCo, and goes on with what it has."""
 
 
 def sample_rotations(steps: Sequence[Step], spin: QuaternionAddress) -> list[RotationSamples]:
@@ -282,8 +305,8 @@ def is_same_orientation(one: Rows, other: Rows) -> bool:
 def find_rule(model: mujoco.MjModel, steps: Sequence[Step], rows: Matrix) -> str | None:
     """Returns the sentence of the wrong rule by which the quaternions turn, BODY, DERIVATIVE, or None if none fits."""
     rotations = sample_all_rotations(model, steps)
-    rules = {**RIGHT, **WRONG}
-    return next((name for name, rule in rules.items() if predicts_all(rule, rotations, rows)), None)
+    rules = chain(RIGHT.items(), WRONG.items(), CHAINED.items())
+    return next((name for name, rule in rules if predicts_all(rule, rotations, rows)), None)
 
 
 def make_wrong_sign(row: int, column: int, *, whole: bool) -> Rule:

@@ -1,5 +1,6 @@
 """The steps in a trace: at which states mj_forward was asked, and what it answered. They are claims."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -43,6 +44,15 @@ class Step:
     def calls(self) -> int:
         """The number of calls of mj_forward."""
         return len(self.rate)
+
+    def keep_calls(self, kept: Sequence[int]) -> "Step":
+        """Returns the step as if it had made the calls with these numbers alone, counted from 1."""
+        rows, answers = [0, *kept], np.array(kept, int) - 1
+        states = [*rows, self.calls + 1]
+        return Step(
+            self.timestep_s, self.probe, self.time[states], self.qpos[states], self.qvel[states], self.act[states],
+            ctrl=self.ctrl[rows], qacc=self.qacc[rows], rate=self.rate[answers], smooth=self.smooth[answers]
+        )  # fmt: skip
 
 
 def read_steps(trace: Trace, run: Run) -> list[Step]:

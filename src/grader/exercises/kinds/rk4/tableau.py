@@ -207,6 +207,7 @@ def drop_unused_calls(reading: Reading) -> Reading:
     return replace(
         reading,
         calls=len(used_stages),
+        steps=[step.keep_calls(used_stages) for step in reading.steps],
         positions=renumber(reading.positions),
         velocities=renumber(reading.velocities),
         activations=renumber(reading.activations),
