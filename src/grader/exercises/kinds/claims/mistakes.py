@@ -161,9 +161,12 @@ def explain_by_rules(
 def build_scene(judged: Sequence[Judged], problem: Problem, comparison: ClaimComparison) -> Scene:
     """Returns the scene of a wrong claim."""
     outcome = next(trial.judgement.outcome for trial in judged if trial.problem is problem)
-    steps = bool(judged[0].script.names & STEPPING)
+    names = judged[0].script.names
     rights = tuple(each.measured.values for each in outcome)
-    return Scene(problem, comparison.claim, comparison.measured, rights, steps=steps)
+    return Scene(
+        problem, comparison.claim, comparison.measured, rights, steps=bool(names & STEPPING),
+        subtracts="ptp" in names or {"min", "max"} <= names,
+    )  # fmt: skip
 
 
 def list_matching(scene: Scene, comparison: ClaimComparison, rule: Rule) -> Iterator[str]:

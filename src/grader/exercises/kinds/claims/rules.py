@@ -11,7 +11,7 @@ from grader.domain.quantities import BASE_UNITS, TIMES
 from grader.exercises.kinds.claims.measuring import STEPS_MAX
 from grader.exercises.kinds.claims.parameters import Floats
 from grader.exercises.kinds.claims.related_numbers import FACTORS, GENERAL, INSTEAD, UNITS
-from grader.exercises.kinds.claims.wrong_values import Scene
+from grader.exercises.kinds.claims.wrong_values import ENERGY, Scene
 from grader.experiments.runs import Variant
 
 Rule = Callable[[Scene], "Found"]
@@ -36,6 +36,10 @@ LENGTHS = (0.1, 0.5, 2.0, 10.0)
 FROM_START = (
     "{label} is counted from the start of the run, or over one crossing too many: take the time from one crossing to "
     "the next alike."
+)
+
+CALL_FORWARD = (
+    "data.energy is 0 before the first mj_forward or mj_step, and so is an element of an array that is never filled."
 )
 
 COARSER = (0.5, 0.2, 0.1)
@@ -135,6 +139,19 @@ def has_transient(scene: Scene) -> Found:
             yield sentence, scene.measure_as(name, since=0.0)
         if scene.claim.quantity == "amplitude":
             yield sentence, scene.measure_as("max", since=0.0, expr=f"Math.abs({scene.claim.expr})")
+
+
+def counts_a_zero(scene: Scene) -> Found:
+    """A range that reaches to 0, where the run does not."""
+    if scene.claim.quantity != "peak_to_peak" or not scene.subtracts:
+        return
+    highest, lowest = scene.measure_as("max"), scene.measure_as("min")
+    if highest is not None and lowest is not None:
+        cure = CALL_FORWARD if ENERGY.search(scene.claim.expr) else "Fill every element of your array."
+        yield (
+            f"{{label}} includes a 0 that the run does not have. {cure}",
+            np.maximum(highest, 0) - np.minimum(lowest, 0),
+        )
 
 
 def is_other_quantity(scene: Scene) -> Found:
@@ -361,8 +378,8 @@ def is_multiple(scene: Scene) -> Found:
 
 RULES: Sequence[Rule] = (
     has_x_in_degrees, is_formula, has_other_integrator, is_another_claim, is_in_other_unit, is_related_number,
-    has_transient, is_other_quantity, is_other_width, has_wrong_sign, is_mixed_up, is_other_crossing, counts_steps,
-    has_other_start, misses_reset, reads_other_sensor, has_other_drive, is_relative, has_other_timestep,
+    has_transient, counts_a_zero, is_other_quantity, is_other_width, has_wrong_sign, is_mixed_up, is_other_crossing,
+    counts_steps, has_other_start, misses_reset, reads_other_sensor, has_other_drive, is_relative, has_other_timestep,
     is_one_step_off, is_of_another_length, is_multiple,
 )  # fmt: skip
 """In this order: what is most likely and most telling first."""

@@ -41,12 +41,14 @@ class Other:
 
 class Scene:
     """A failed claim in its case, and the runs at the model's own timestep that wrong values are read from. The script
-    `steps` the model, or has no call that does."""
+    `steps` the model, and `subtracts` a smallest value from a largest, or has no call that does."""
 
     def __init__(
-        self, problem: Problem, claim: Claim, measured: MeasuredClaim, all_right: tuple[Floats, ...], *, steps: bool
-    ) -> None:
-        self.problem, self.claim, self.measured, self.all_right, self.steps = problem, claim, measured, all_right, steps
+        self, problem: Problem, claim: Claim, measured: MeasuredClaim, all_right: tuple[Floats, ...], *, steps: bool,
+        subtracts: bool,
+    ) -> None:  # fmt: skip
+        self.problem, self.claim, self.measured, self.all_right = problem, claim, measured, all_right
+        self.steps, self.subtracts = steps, subtracts
         self._runs: dict[tuple[Experiment, Variant, tuple[str, ...]], tuple[LabRun, Floats]] = {}
 
     @property
