@@ -26,6 +26,7 @@ from grader.exercises.kinds.controller.sentences import (
     HELD,
     LARGE,
     LITTLE,
+    LITTLE_END,
     MISSING,
     MISSING_HERE,
     NOISE,
@@ -61,6 +62,8 @@ FAR = 5.0
 RECORDS_READ = 3
 """Failed episodes that are looked at."""
 
+NO_TARGET = MISSING.format(name="the target")
+
 REST_PART = 5
 """The last of so many parts of an episode is its end."""
 
@@ -83,6 +86,9 @@ QUICK = 0.1
 """The gain on the sum of errors over that on the error, in control periods: a sum that outgrows the error within ten
 periods lacks the period as a factor."""
 
+OWN_GRAVITY = 0.5
+"""The share of gravity that a control carries at least if it is in the actuator's own unit."""
+
 SATURATED = 0.5
 """The share of time at the actuator's limit that counts as most of it."""
 
@@ -102,12 +108,13 @@ def name_the_mistake(parameters: ControllerParameters, judged: Sequence[Judged])
     records = [(trial, record) for trial in wrong for record in trial.judgement.outcome.list_failed()][:RECORDS_READ]
     sentences = [sentence for trial, record in records for sentence in find_sentences(parameters, trial, record)]
     if is_tuned:  # only what is wrong whatever the case is
-        return next((candidate for candidate in sentences if candidate.endswith(DEGREES_END)), TUNED)
+        found = next((candidate for candidate in sentences if candidate.endswith((DEGREES_END, LITTLE_END))), None)
+        return found or (NO_TARGET if ignores_target(parameters, judged) else TUNED)
     if are_truth_values(judged):
         return TRUTH
     sentence = TARGET_DEGREES if TARGET_DEGREES in sentences else next(iter(sentences), None)
-    if sentence == HANGS and ignores_target(parameters, judged):
-        return MISSING.format(name="the target")
+    if sentence in (None, HANGS) and ignores_target(parameters, judged):
+        return NO_TARGET
     if sentence == NOTHING and any("ctrl" in parts for parts in written):
         sentence = RETURNS
     elif sentence == NOTHING and returns_none(parameters, wrong):
@@ -141,8 +148,9 @@ def ignores_target(parameters: ControllerParameters, judged: Sequence[Judged]) -
         return False
     track = find_columns(parameters, judged[0].trial.problem)[parameters.track]
     by_target: dict[float, float] = {}
-    for record in (record for trial in judged for record in trial.judgement.outcome.records):
-        law = None if record.fault else fit_law(record, track=track, has_target=True)
+    for trial, record in ((each, record) for each in judged for record in each.judgement.outcome.records):
+        load = measure_load(trial.problem, record)
+        law = None if record.fault else fit_law(record, track=track, has_target=True, load=load)
         if law is not None and np.ptp(record.target) == 0 and not law.integral and not law.differentiates:
             by_target[float(record.target[0])] = law.constant
     constants = np.array([*by_target.values()])
@@ -311,12 +319,13 @@ def find_wrong_gains(parameters: ControllerParameters, problem: Problem, law: Fi
 
 
 def are_shares(parameters: ControllerParameters, problem: Problem, law: FittedLaw) -> bool:
-    """Whether several gains are far too small, and sensible times the largest control of the actuator."""
+    """Whether several gains are far too small, and sensible times the largest control of the actuator; and what
+    carries gravity is not in its unit already."""
     columns, model = find_columns(parameters, problem), problem.model
     gains = {name: float(law.gains[columns[name]]) for name in parameters.law}
     known = {name: gain for name, gain in gains.items() if np.isfinite(gain) and name != "target"}
     most = float(np.abs(model.actuator_ctrlrange[0]).max())
-    if not model.actuator_ctrllimited[0] or most <= FAR:
+    if not model.actuator_ctrllimited[0] or most <= FAR or law.gravity > OWN_GRAVITY:
         return False
     small = [name for name, gain in known.items() if abs(gain) < min(map(abs, parameters.law[name]))]
     return len(small) > 1 and not any(

@@ -37,7 +37,8 @@ DEGREES_END = "is off by the factor between degrees and radians: the sensors tel
 DEGREES = f"The gain on {{name}} {DEGREES_END}"
 TARGET_DEGREES = f"The target, as the controls use it, {DEGREES_END}"
 LARGE = "The gain on {name} is far too large."
-LITTLE = "The gain on {name} is far too small."
+LITTLE_END = "is far too small."
+LITTLE = f"The gain on {{name}} {LITTLE_END}"
 NOISE = (
     "The controls differentiate a noisy measurement: the difference of two readings, divided by a short step, is "
     "mostly noise. Filter it, or use a sensor of the velocity."
@@ -63,7 +64,8 @@ SATURATES = (
 )
 ONE_END = (
     "Most of the time the controls are at an end of what the actuator gives: look for a wrong sign, a unit such as "
-    "degrees, too little damping or damping by something else than the rate, or a gain that is far too large."
+    "degrees, too little damping or damping by something else than the rate, or a gain that is far too large, or too "
+    "small to catch the motion."
 )
 HELD = (
     "The controls stay at one end of what the actuator gives: either the function does not use what it observes, or a "
