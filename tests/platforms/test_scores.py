@@ -28,7 +28,7 @@ from grader.platforms.sending.line_items import LINE_ITEM, READ_LINE_ITEM, READ_
 from grader.platforms.sending.outgoing import Outgoing, Response
 from grader.platforms.sending.replies import RETRY_MAX_S, Again, DeadLetter, retry_after_s
 from grader.platforms.sending.score import PlatformResult, Score, compute_score
-from grader.platforms.sending.scores import TRIED_MAX, is_contested
+from grader.platforms.sending.scores import NO_PLACE, TRIED_MAX, is_contested
 from grader.queue import jobs
 from grader.queue.worker import JobOutcome, Worker
 from grader.settings import Settings
@@ -775,12 +775,25 @@ def test_a_learner_without_a_platform_has_no_score(make: MakeCourse) -> None:
     assert course.platform.requests == []
 
 
+def test_a_score_that_lost_its_place_after_a_failed_try_is_not_called_sent(make: MakeCourse) -> None:
+    course = make()
+    course.platform.fault = lambda asked: "500" if "/lineitems" in asked.path else None
+    course.answer([(course.learners[0], "q1", 1)])
+    course.deliver()
+    course.target = lambda *_: None  # type: ignore[method-assign]
+    with course.database.write() as session:
+        replay(session, None, course.row().id, COURSE)
+    course.deliver(forgetful=True)
+    assert (course.row().state, course.row().error) == ("dead", NO_PLACE)
+
+
 def test_a_token_url_that_leads_inside_is_a_dead_letter(make: MakeCourse) -> None:
     course = make()
     course.change["platform"] = replace(course.platform.platform, token_url="https://127.0.0.2/token")
     course.answer([(course.learners[0], "q1", 1)])
     course.deliver()
     assert (course.row().error or "").startswith("The platform's address is not allowed")
+    assert "GRADER_PRIVATE_HOSTS of every server and every worker" in (course.row().error or "")
 
 
 @pytest.mark.parametrize(

@@ -443,9 +443,14 @@ def test_where_a_score_goes(pair: Joined) -> None:
         for question in ("", None, "q1"):
             assert platforms.score_target(session, pair.course, member.id, "small", question) is None
         assert platforms.score_target(session, "another course", member.id, "small", "q2") is None
-    pair.launch(pair.browser(), **{f"{CLAIM}custom": {"quiz": "small", "question": "q2"}})  # the grant is taken back
+    for less in ({}, {AGS: {**service, "scope": []}}, {AGS: {**service, "scope": [f"{AGS_SCOPE}lineitem"]}}):
+        pair.launch(pair.browser(), **{f"{CLAIM}custom": {"quiz": "small", "question": "q2"}, **less})
+        with pair.database.read() as session:  # others' scores may be on their way
+            assert platforms.score_target(session, pair.course, member.id, "small", "q2") == target
+    pair.launch(pair.browser(), **{f"{CLAIM}custom": {"quiz": "small", "question": "q1"}})  # the link leads elsewhere
     with pair.database.read() as session:
-        assert platforms.score_target(session, pair.course, member.id, "small", "q2") is None
+        for question in ("q1", "q2"):
+            assert platforms.score_target(session, pair.course, member.id, "small", question) is None
 
 
 def test_a_submission_review_opens_the_learners_verdict(pair: Joined) -> None:

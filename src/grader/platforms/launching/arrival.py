@@ -86,11 +86,16 @@ def find_reviewed(session: Session, launch: Launch, arrival: Arrival) -> str:
 
 
 def record_launch(session: Session, context: Context, launch: Launch) -> ResourceLink:
-    """Returns the launch's link, with what the launch tells of it: what it leads to, and its place in the gradebook."""
+    """Returns the launch's link, with what the launch tells of it: what it leads to, and its place in the gradebook. A
+    launch that does not grant scores, such as that of a teacher, takes no place away from learners whose scores are on
+    their way: what the platform no longer takes, it refuses itself."""
     link = platforms.resource_link(session, context.id, launch.link_id)
-    if (link.quiz, link.question) != (launch.quiz, launch.question):
+    is_elsewhere = (link.quiz, link.question) != (launch.quiz, launch.question)
+    if is_elsewhere:
         link.quiz, link.question = launch.quiz, launch.question
-    if launch.gradebook != Gradebook(link.line_item_url, link.line_items_url, tuple(link.scopes.split())):
+    known = Gradebook(link.line_item_url, link.line_items_url, tuple(link.scopes.split()))
+    takes_away = words.SCORES in known.scopes and words.SCORES not in launch.gradebook.scopes
+    if launch.gradebook != known and (is_elsewhere or not takes_away):
         link.line_item_url, link.line_items_url = launch.gradebook.line_item_url, launch.gradebook.line_items_url
         link.scopes = " ".join(launch.gradebook.scopes)
     return link

@@ -122,7 +122,7 @@ class Delivering:
                 outbox.disable(session, row.destination, why)
             case DeadLetter(why) | Again(why):
                 row.state, row.error, row.next_at, row.forced = DEAD, why, None, False
-                log.warning("a delivery is a dead letter", delivery=row.id, destination=row.destination)
+                log.warning("a delivery is a dead letter", delivery=row.id, destination=row.destination, why=why)
 
     def _pause_s(self, row: Delivery, reply: Again | Later) -> float:
         if isinstance(reply, Later):

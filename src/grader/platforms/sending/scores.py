@@ -54,6 +54,16 @@ RETRIED = (HTTPStatus.REQUEST_TIMEOUT, HTTPStatus.TOO_EARLY, HTTPStatus.TOO_MANY
 restarting; Canvas throttles with 403, and rights that are missing today may be given tomorrow. A redirection is never
 followed: the score would go to an address that no launch told; one to a page of maintenance is over some day."""
 
+NO_PLACE = (
+    "A try failed, and since then no link of the platform leads to this place and takes scores: launch it again by a "
+    "link that does."
+)
+
+CURE_OF_ADDRESS = (
+    "If the host is in your own network, name it in GRADER_PRIVATE_HOSTS of every server and every worker, and replay "
+    "the delivery."
+)
+
 SECOND = timedelta(seconds=1)
 
 LibraryNow = Callable[[Session, str, str], Library]
@@ -111,7 +121,7 @@ class Scores:
             return held
         target = self.score_target(session, row.course, row.learner, row.quiz, row.question)
         if target is None:
-            return UnneededReply()
+            return DeadLetter(NO_PLACE) if tried else UnneededReply()
         if SCORE not in target.scopes:
             return DeadLetter("The platform lets us send no scores: the launch did not grant the scope.")
         timestamp = self.clock().astimezone(UTC).replace(microsecond=0)
@@ -147,7 +157,7 @@ class Scores:
                 reply = self.reply_to(failed.response)
                 return DeadLetter(str(failed)) if isinstance(reply, DeadLetter) else reply
             case RefusedURL():
-                return DeadLetter(f"The platform's address is not allowed: {failed}")
+                return DeadLetter(f"The platform's address is not allowed: {failed} {CURE_OF_ADDRESS}")
             case _:
                 return Again(str(failed))
 
