@@ -58,6 +58,9 @@ def test_it_is_alive_while_it_starts_and_what_is_asked_waits() -> None:
         await life.say("startup")
         async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://a") as client:
             assert (await client.get("/healthz")).json() == {"status": "ok"}
+            unready = await client.get("/readyz")
+            assert (unready.status_code, unready.headers["retry-after"]) == (503, "1")
+            assert unready.json()["detail"].startswith("It starts: the content is loaded")
             page, given_up = (asyncio.create_task(client.get("/page")) for _ in range(2))
             await asyncio.sleep(0.05)
             assert not page.done()

@@ -143,8 +143,10 @@ def serve(settings: Settings) -> None:
     """Serves until a signal ends it; SIGHUP loads the content again. Exits with another status if it cannot start."""
     log_to_stderr(as_json=is_json(settings.log_format))
     require_free_port(settings.host, settings.port)
+    log.info("starting", host=settings.host, port=settings.port, processes=settings.processes)
     if settings.processes == 1:
         serve_alone(settings)
+        log.info("ended")
         return
     stopping = threading.Event()
     with ExitStack() as stack:
@@ -161,6 +163,7 @@ def serve(settings: Settings) -> None:
             listener.close()  # connections that are not accepted yet are refused
             with ThreadPoolExecutor(len(children)) as pool:
                 list(pool.map(Child.end, children))
+    log.info("ended", status=status)
     sys.exit(status)
 
 

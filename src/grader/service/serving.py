@@ -1,5 +1,5 @@
-"""Serves with uvicorn from the first moment: `/healthz` answers, and every other request waits, while the service is
-imported and built. It imports little itself."""
+"""Serves with uvicorn from the first moment: while the service is imported and built `/healthz` answers, `/readyz` says
+that it starts, and every other request waits. It imports little itself."""
 
 import asyncio
 import signal
@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
+from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
 import uvicorn
@@ -32,6 +33,11 @@ GATHERED_BYTES_MAX = 64 * 1024
 ALIVE = b'{"status":"ok"}'
 """What `/healthz` says, also once the service has taken over."""
 
+STARTING = (
+    b'{"title":"Service Unavailable","status":503,"detail":"It starts: the content is loaded and its keys are checked, '
+    b'which takes minutes where none of them has been checked before."}'
+)
+
 NOT_STARTED = b'{"title":"Service Unavailable","status":503,"detail":"The service could not start; its log says why."}'
 
 
@@ -55,6 +61,8 @@ class StartingApp:
             await self._live(receive, send)
         elif scope["path"] == "/healthz" and scope["method"] == "GET":
             await answer(send, 200, ALIVE)
+        elif scope["path"] == "/readyz":
+            await answer(send, 503, STARTING, (b"retry-after", b"1"))
         else:
             try:
                 app = await asyncio.wrap_future(self.opened)
@@ -88,10 +96,11 @@ class StartingApp:
             self.opened.set_exception(error)
 
 
-async def answer(send: Any, status: int, document: bytes) -> None:
+async def answer(send: Any, status: int, document: bytes, *headers: tuple[bytes, bytes]) -> None:
     """Answers a request with a JSON document."""
-    headers = [(b"content-type", b"application/json"), (b"content-length", b"%d" % len(document))]
-    await send({"type": "http.response.start", "status": status, "headers": headers})
+    sort = b"application/json" if status < HTTPStatus.BAD_REQUEST else b"application/problem+json"
+    headers = (*headers, (b"content-type", sort), (b"content-length", b"%d" % len(document)))
+    await send({"type": "http.response.start", "status": status, "headers": list(headers)})
     await send({"type": "http.response.body", "body": document})
 
 
