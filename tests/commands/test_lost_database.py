@@ -8,6 +8,7 @@ import pytest
 from sqlalchemy import event
 from sqlalchemy.engine import Engine
 
+from grader.metrics import locked
 from support.command_line import grader
 from support.databases import need_postgresql, own_database
 from support.proxies import free_port
@@ -61,6 +62,40 @@ def test_a_full_disk_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1].startswith(f"The database {tmp_path}/grader.db cannot be used: ")
     assert "full" in done.stderr
+
+
+def test_what_is_no_database_is_named_with_the_cure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GRADER_DATA", str(tmp_path))
+    (tmp_path / "grader.db").write_text("hello")
+    line = say("token", "list")
+    assert line.startswith(f"{tmp_path}/grader.db is damaged, or no database: ")
+    assert line.endswith("Put a backup in its place, as docs/operating.md says.")
+
+
+def test_files_that_are_not_there_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GRADER_DATA", str(tmp_path))
+    assert grader("token", "list").returncode == 0
+    assert say("backup", "/nowhere/x.db") == "There is no folder /nowhere."
+    assert say("roster", "import", "/nowhere.csv") == "/nowhere.csv: No such file or directory"
+
+
+def test_tables_are_not_moved_beside_a_server_and_never_without_a_word(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GRADER_DATA", str(tmp_path))
+    newest = grader("migrate").stdout.strip()
+    assert grader("migrate", "0006").stdout == "0006\n"
+    assert f"The tables were brought from revision 0006 to {newest}" in grader("token", "list").stderr
+    with locked(tmp_path):  # as a server does
+        assert say("migrate", "0006") == f"A server works on {tmp_path}: stop it first."
+        assert grader("token", "list").returncode == 0
+
+
+def test_a_new_course_is_told_and_the_one_that_was_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GRADER_DATA", str(tmp_path))
+    assert "robots is a new course." in grader("invite", "--course", "robots", "ann").stderr
+    assert "is a new course" not in grader("invite", "--course", "robots", "bob").stderr
+    assert "robotz is a new course: did you mean robots?" in grader("invite", "--course", "robotz", "ann").stderr
 
 
 def test_a_backup_that_finds_no_room_says_so_and_leaves_nothing(

@@ -48,7 +48,7 @@ def main(run: Callable[[], object] | None = None) -> None:
         complain(*map(str, error.faults))
         sys.exit(USAGE)
     except (CallerError, InvalidAnswer, NotReady, OSError, UnicodeDecodeError) as error:
-        complain(str(error))
+        complain(describe_error(error))
         sys.exit(USAGE)
     except (JailFault, PluginError) as error:
         complain(str(error))
@@ -58,6 +58,12 @@ def main(run: Callable[[], object] | None = None) -> None:
         sys.exit(USAGE)
     finally:
         gc.freeze()  # the interpreter's end looks for garbage among all objects, for a fifth of a short command
+
+
+def describe_error(error: Exception) -> str:
+    """Returns what an error says; of a file of the system its name first."""
+    is_of_file = isinstance(error, OSError) and error.filename is not None and error.strerror
+    return f"{error.filename}: {error.strerror}" if is_of_file else str(error)  # type: ignore[attr-defined]
 
 
 def find_commands(arguments: Sequence[str]) -> typer.Typer:
@@ -122,7 +128,7 @@ def describe_faults(error: ValueError) -> list[str]:
         ]
     if isinstance(error, SettingsError):  # not JSON where JSON is needed
         fields = [(name, field) for name, field in Settings.model_fields.items() if f'"{name}"' in str(error)]
-        return [f"{PREFIX}{name.upper()}: {field.description}" for name, field in fields]
+        return [f"{PREFIX}{name.upper()} cannot be read. {field.description}" for name, field in fields]
     raise error
 
 

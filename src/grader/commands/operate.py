@@ -4,6 +4,7 @@
 """
 
 import sys
+from contextlib import ExitStack
 from datetime import timedelta
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +12,7 @@ from typing import Annotated
 import typer
 
 from grader.commands.options import Course, Data, begin_transaction, open_database, read_settings, require_one
-from grader.errors import Unprocessable
+from grader.errors import Conflict, Unprocessable
 
 cli = typer.Typer()
 
@@ -34,7 +35,16 @@ def migrate(
     data: Data = None,
 ) -> None:
     """Bring the tables to a revision, forward or back. Stop servers and workers first."""
-    with open_database(data, revision) as database:
+    from grader.metrics import locked
+
+    folder = read_settings(data=data).sqlite_folder
+    with ExitStack() as held:
+        if folder is not None and folder.is_dir():
+            try:
+                held.enter_context(locked(folder))
+            except BlockingIOError:
+                raise Conflict(f"A server works on {folder}: stop it first.") from None
+        database = held.enter_context(open_database(data, revision))
         print(database.revision)
 
 

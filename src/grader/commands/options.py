@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -57,7 +58,10 @@ def open_database(data: Path | None, revision: str | None = None) -> Iterator["D
     with naming(settings.database):
         database = Database(settings.database)
         try:
+            before = database.revision
             database.migrate(revision)
+            if before not in (None, after := database.revision) and revision is None:
+                say(f"The tables were brought from revision {before} to {after}, as `grader serve` would.")
             yield database
         finally:
             database.close()
@@ -68,6 +72,16 @@ def begin_transaction(data: Path | None) -> Iterator["Session"]:
     """Opens the database of the settings for a transaction that writes."""
     with open_database(data) as database, database.write() as session:
         yield session
+
+
+def say_if_new(session: "Session", course: str) -> None:
+    """Says on stderr that a course has no members yet, and which one with a similar name has: it may be mistyped."""
+    from grader.store.people import list_courses
+
+    known = list_courses(session)
+    if course not in known:
+        near = get_close_matches(course, known, n=1)
+        say(f"{course} is a new course{f': did you mean {near[0]}?' if near else '.'}")
 
 
 def find_link_origin(session: "Session", data: Path | None) -> str:

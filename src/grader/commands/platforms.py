@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from grader.commands.options import Data, Json, begin_transaction, find_link_origin, open_database, read_settings
+from grader.commands.options import Data, Json, begin_transaction, find_link_origin, open_database, read_settings, say
 from grader.errors import Unprocessable
 
 lti = typer.Typer(help="Learning platforms: LTI 1.3.", no_args_is_help=True)
@@ -107,6 +107,7 @@ def remove(platform: int, data: Data = None) -> None:
 
     with begin_transaction(data) as session:
         rules.remove(session, None, platform)
+    say(f"Removed platform {platform}.")
 
 
 @lti.command()

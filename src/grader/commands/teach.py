@@ -16,6 +16,7 @@ from grader.commands.options import (
     open_database,
     read_settings,
     say,
+    say_if_new,
 )
 from grader.errors import Unprocessable
 
@@ -68,9 +69,11 @@ def invite(
     data: Data = None,
 ) -> None:
     """Print a single-use link for each name, in their order, one a line on stdout; the names go to stderr."""
+    from grader.courses.people.identity import DEFAULT_COURSE
     from grader.courses.people.invitations import invite as make
 
     with begin_transaction(data) as session:
+        say_if_new(session, course or DEFAULT_COURSE)
         invitations = make(session, None, course, names, role)
         origin = find_link_origin(session, data)
     for invitation in invitations:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from grader.commands.options import USAGE, Course, Data, Json, begin_transaction, require_one, say
+from grader.commands.options import USAGE, Course, Data, Json, begin_transaction, require_one, say, say_if_new
 from grader.errors import Unprocessable
 
 token = typer.Typer(help="Bearer tokens.", no_args_is_help=True)
@@ -32,6 +32,7 @@ def create(
 
     lifetime = None if expires is None else parse_lifetime(expires)
     with begin_transaction(data) as session:
+        say_if_new(session, course or DEFAULT_COURSE)
         is_new = find_meant(session, user, course or DEFAULT_COURSE) is None
         text = create_token(session, user, role, course, scopes=scope or None, lifetime=lifetime)
     if is_new:

@@ -77,8 +77,11 @@ def load(
     _load_models(loading)
     names = list_quiz_files(root)
     if not names:
-        name = root.name or root
-        lacks = f"no quiz in {name}: is this a content folder?" if root.is_dir() else f"there is no folder {name}"
+        lacks = (
+            f"no quiz in {root.name or root}: is this a content folder?"
+            if root.is_dir()
+            else f"there is no folder {root}"
+        )
         loading.faults.append(Fault("quizzes", "*.json", f"{lacks} (GRADER_CONTENT or GRADER_COURSES names it)"))
     for name in names:
         _load_quiz(loading, name)

@@ -11,7 +11,7 @@ from sqlalchemy.exc import OperationalError
 from grader.errors import Unprocessable
 from grader.numerics.version import warn_of_newer
 from grader.settings import Settings
-from grader.store.engine.database import Database
+from grader.store.engine.database import Database, naming
 
 RETRY_S = 1.0
 """Pause before the next try to reach the database [s]."""
@@ -21,6 +21,8 @@ SAY_S = 30.0
 
 YOUNG_OBJECTS = 10_000
 """New objects between two looks for garbage cycles; Python's own 700 cost a tenth of every request."""
+
+SETTING = "GRADER_DATABASE_URL"
 
 POOLED = (
     "GRADER_DATABASE_URL leads to a pooler that shares connections between transactions, such as PgBouncer in "
@@ -42,7 +44,7 @@ def open_database(settings: Settings, is_ending: Callable[[], bool] = never) -> 
     if warning := warn_of_newer():
         log.warning("untested MuJoCo", why=warning)
     database = Database(settings.database, settings.connections)
-    with ExitStack() as opened:
+    with naming(settings.database), ExitStack() as opened:
         opened.callback(database.close)
         if not database.is_sqlite:
             wait_until_there(database, is_ending)
@@ -65,7 +67,7 @@ def wait_until_there(database: Database, is_ending: Callable[[], bool]) -> None:
             if time.monotonic() >= say_at:
                 url, why = database.engine.url, " ".join(str(error.orig).split())
                 address = url.query.get("host") or f"{url.host or 'localhost'}:{url.port or 5432}"
-                log.warning("waiting for the database", host=address, name=url.database, why=why)
+                log.warning("waiting for the database", host=address, name=url.database, why=why, setting=SETTING)
                 say_at += SAY_S
             time.sleep(RETRY_S)
     raise InterruptedError("The server was ended while it waited for the database.")

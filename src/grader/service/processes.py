@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from errno import EROFS
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -193,6 +194,8 @@ def hold_database(settings: Settings) -> Iterator[None]:
         try:
             if folder is not None:
                 folder.mkdir(parents=True, exist_ok=True)
+                if not os.access(folder, os.W_OK):
+                    raise OSError(EROFS, "it cannot be written")
                 held.enter_context(locked(folder))
         except OSError as error:
             is_taken = isinstance(error, BlockingIOError)

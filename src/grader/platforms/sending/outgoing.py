@@ -92,6 +92,8 @@ class Outgoing:
             async with asyncio.timeout(self.time_max_s):
                 addresses = await self._addresses(endpoint)
                 return await self._first_of(addresses, endpoint, self._request(method, url, headers, body), reads)
+        except socket.gaierror as error:
+            raise Unreachable(f"The name {endpoint.host} has no address.") from error
         except TimeoutError as error:
             raise Unreachable(f"The server did not answer within {self.time_max_s:g} s.") from error
         except (httpx2.HTTPError, httpx2.InvalidURL, OSError) as error:

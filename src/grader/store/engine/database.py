@@ -39,8 +39,12 @@ pages again and again, and each move waits for the disk."""
 AWAY = (OperationalError, InterfaceError, PoolTimeoutError)
 """What SQLAlchemy raises while a database is away, locked, full or read-only."""
 
+RESTORE = "Put a backup in its place, as docs/operating.md says."
+
 IDLE_S = 1.0
 """After so long without use a pooled connection of PostgreSQL is asked whether it still works [s]."""
+
+DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 READ_ONLY = "25006"
 """The code of PostgreSQL's error read_only_sql_transaction."""
@@ -227,12 +231,14 @@ def driver_error(error: Exception) -> str:
 
 @contextmanager
 def naming(url: str) -> Iterator[None]:
-    """Makes what is raised within while the database at `url` is away, locked, full or read-only a NotReady that names
-    it, without a password. For commands, whose users may know what the driver says."""
+    """Makes what is raised within while the database at `url` is away, locked, full, read-only or damaged a NotReady
+    that names it, without a password. For commands, whose users may know what the driver says."""
     try:
         yield
     except (DBAPIError, PoolTimeoutError) as error:
         away = find_away(error)
+        if getattr(getattr(error, "orig", None), "sqlite_errorcode", None) in DAMAGED:
+            raise NotReady(f"{make_url(url).database} is damaged, or no database: {error.orig}. {RESTORE}") from error  # type: ignore[union-attr]
         if away is None:
             raise
         why = " ".join(str(getattr(away, "orig", None) or away).split())
