@@ -215,7 +215,7 @@ def test_no_server_and_no_name_are_told_apart_from_refusals() -> None:
     async def unknown(_host: str, _port: int) -> list[Address]:
         raise socket.gaierror("unknown")
 
-    with pytest.raises(Unreachable, match="The name hooks.example has no address."):
+    with pytest.raises(Unreachable, match=r"The name hooks\.example has no address\."):
         ask(Outgoing(resolve=unknown), "https://hooks.example/")
 
 
