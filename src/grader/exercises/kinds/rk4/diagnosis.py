@@ -75,6 +75,9 @@ MUJOCO_MOVES_ONCE = RK4_ORDER_ON_ROTATIONS == 2
 
 TIMESTEP = "model.opt.timestep"
 
+LOOP_STEPS = 1.5
+"""Timesteps that one call of a step moves data.time on at least if it loops."""
+
 HARMLESS_FIELDS = frozenset({"model.opt.integrator"})
 """Fields that no call of mj_forward reads."""
 
@@ -89,6 +92,16 @@ NO_NUMBER = (
 NOTHING_HIDDEN = (
     "In a hidden case your step changes nothing in data, and never calls mj_forward: it may end early where the model "
     "is another than you expect. Step every model in the same way."
+)
+
+LOOPS = (
+    "One call of your step moves data.time on by {steps:.4g} timesteps: take one step of model.opt.timestep in a call, "
+    "and leave the loop to whoever calls it."
+)
+
+ONLY_ONCE = (
+    "Your step does something in its first call, and nothing in later ones: it keeps something from one call to the "
+    "next, such as a cache, or ends early by a condition. Take a step in every call."
 )
 
 OTHER_STEPPERS = {
@@ -153,6 +166,8 @@ def diagnose_reading(outcome: RunOutcome, failed: Sequence[AnyJudged], reading: 
     """Diagnoses a wrong run whose trace has been read. A step of four calls whose stages are all sums of its slopes is
     named by its tableau. Of any other a mutant tells more: the tableau takes every call for a stage."""
     judged = failed[0]
+    if does_nothing(reading) and (sentence := explain_later_calls(judged)):
+        return Diagnosis(sentence)
     sentence = find_sentence(STATE_RULES, reading) or explain_changed_model(judged)
     if judged.hidden and does_nothing(reading):
         sentence = NOTHING_HIDDEN
@@ -179,6 +194,15 @@ def does_nothing(reading: Reading) -> bool:
     """Whether a step never calls mj_forward and leaves the state as it is."""
     rows = (reading.positions, reading.velocities, reading.activations, reading.times)
     return not reading.calls and all(row == {} for part in rows for row in part)
+
+
+def explain_later_calls(judged: AnyJudged) -> str | None:
+    """Returns the sentence of a step most of whose calls do nothing, while the first did."""
+    steps = next((float(note.numbers[0]) for note in judged.trace.list_notes("long") if len(note.numbers) == 1), 0.0)
+    if steps > LOOP_STEPS:
+        return LOOPS.format(steps=steps)
+    acts = any(step.calls for step in read_steps(judged.trace, judged.judgement.outcome.run))
+    return ONLY_ONCE if acts else None
 
 
 def is_better_told_by_tableau(match: Match, reading: Reading) -> bool:

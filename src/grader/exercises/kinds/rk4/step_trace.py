@@ -1,6 +1,5 @@
 """The steps in a trace: at which states mj_forward was asked, and what it answered. They are claims."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -45,13 +44,17 @@ class Step:
         """The number of calls of mj_forward."""
         return len(self.rate)
 
-    def keep_calls(self, kept: Sequence[int]) -> "Step":
-        """Returns the step as if it had made the calls with these numbers alone, counted from 1."""
-        rows, answers = [0, *kept], np.array(kept, int) - 1
-        states = [*rows, self.calls + 1]
+    @property
+    def ends_with_a_call(self) -> bool:
+        """Whether the last call finds the state that the step leaves."""
+        return all(np.array_equal(states[-2], states[-1]) for states in (self.qpos, self.qvel, self.act))
+
+    def drop_last_call(self) -> "Step":
+        """Returns the step as if its last call had not been made."""
+        states, calls = [*range(self.calls), self.calls + 1], self.calls
         return Step(
             self.timestep_s, self.probe, self.time[states], self.qpos[states], self.qvel[states], self.act[states],
-            ctrl=self.ctrl[rows], qacc=self.qacc[rows], rate=self.rate[answers], smooth=self.smooth[answers]
+            ctrl=self.ctrl[:calls], qacc=self.qacc[:calls], rate=self.rate[: calls - 1], smooth=self.smooth[: calls - 1]
         )  # fmt: skip
 
 

@@ -184,12 +184,14 @@ def read_tableau(model: mujoco.MjModel, steps: Sequence[Step], known: Matrix = C
 
 
 def drop_unused_calls(reading: Reading) -> Reading:
-    """Returns a reading without the calls whose slopes are used nowhere, such as a glance at another state."""
+    """Returns a reading without the calls whose slopes are used nowhere, such as a glance at another state. Its steps
+    keep them, as some rules look at them, but for a last one at the state that the step leaves."""
     parts = (reading.positions, reading.velocities, reading.activations)
     used = {term.stage for part in parts for row in part if row for term in row if term.slope in "avr"}
     used_stages = [stage for stage in range(1, reading.calls + 1) if stage in used]
     if len(used_stages) in (0, reading.calls) or reading.calls <= len(CLASSICAL) - 1:
         return reading
+    ends_with_a_call = reading.calls not in used and all(step.ends_with_a_call for step in reading.steps)
     new_stages = {old: index for index, old in enumerate([*used_stages, reading.calls + 1], 1)} | {0: 0}
 
     def renumber(part: Sequence[Combination | None]) -> list[Combination | None]:
@@ -207,7 +209,7 @@ def drop_unused_calls(reading: Reading) -> Reading:
     return replace(
         reading,
         calls=len(used_stages),
-        steps=[step.keep_calls(used_stages) for step in reading.steps],
+        steps=[step.drop_last_call() for step in reading.steps] if ends_with_a_call else reading.steps,
         positions=renumber(reading.positions),
         velocities=renumber(reading.velocities),
         activations=renumber(reading.activations),

@@ -10,7 +10,8 @@ The trace of a trial holds some steps of its runs: the first two, and the first 
 runs of a trial with a `probe` it also holds single steps from drawn states, at several timesteps and under a strong
 force: there the slopes of the stages differ so much that step_trace.py and tableau.py can tell them apart. The note
 `lines` says in which lines the last of these steps calls mj_forward and changes the state; `changed`, which fields of
-the model the first step of the first run has changed."""
+the model the first step of a trial has changed; `long`, how many timesteps a step with too many calls has moved
+data.time."""
 
 import io
 import itertools
@@ -196,6 +197,8 @@ class Tape:
         if len(calls) <= CALLS_MAX:
             head = HEAD.pack(len(calls), probe, timestep, time)
             self.steps.append(b"".join((head, before, *calls, ONE.pack(data.time), *asked[: self.state])))
+        elif not probe:
+            note("long", None, [(data.time - time) / timestep])
 
     def note_steps(self) -> None:
         """Adds the steps to the trace, and by what else the script may step."""
@@ -246,7 +249,7 @@ def trial(functions: Sequence[Step], inputs: Mapping[str, Any], submit: Callable
         model.opt.timestep = run["timestep_s"]
         data = start_data(model, inputs["start"])
 
-        before = serialise(model) if "probe" in inputs else None
+        before = None if index else serialise(model)
 
         def taped(
             model: mujoco.MjModel = model, data: mujoco.MjData = data, run: Any = run, before: Any = before
