@@ -42,6 +42,11 @@ def test_arguments_of_a_binding_are_told_in_one_line() -> None:
         ("ValueError: operands could not be broadcast together with shapes (7,) (6,)", "mujoco.mj_integratePos moves"),
         ("ValueError: operands could not be broadcast together with shapes (1,) (6,)", "has 1 number, the other 6"),
         ("EOFError: EOF when reading a line", "nobody answers input()"),
+        (
+            "FileNotFoundError: [Errno 2] No such file or directory: 'a.txt'",
+            "a script runs without the files beside it",
+        ),
+        ("_ArrayMemoryError: Unable to allocate 15.3 MiB for an array", "look for a list or an array that grows"),
         ("ValueError: ParseXML: Error opening file 'a/servo.xml'", 'mjcourse.model_path("servo")'),
         ("SyntaxError: invalid syntax (line 2: %matplotlib inline)", "a command of a notebook"),
         ("TypeError: f() takes 1 positional argument but 2 were given", "called with 2"),

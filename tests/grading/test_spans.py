@@ -19,6 +19,7 @@ def verdict(said: str | None, line: int | None = None) -> Verdict:
     [
         ("NameError: name 'np' is not defined, in line 4 of your script", 4), ("Line 7 raised a ValueError", 7),
         ("It was slow. The loop in line 6 (while y:), in f(), never ends.", 6), ("In line 4", None), (None, None),
+        ("SyntaxError: expected ':' (line 5: def f())", 5), ("IndentationError: unexpected indent (line 3: x)", 3),
         ("NameError, in line 99 of your script", None),
     ],
 )  # fmt: skip
@@ -35,7 +36,8 @@ def test_a_span_is_that_of_the_statement_in_characters() -> None:
     assert find_span(SOURCE, 5) == Span(line=4, column=11, end_line=5, end_column=11)
     assert find_span(SOURCE, 6) == Span(line=6, column=4, end_line=6, end_column=12)
     assert find_span(SOURCE, 2) is None
-    assert find_span("def (", 1) is None
+    assert find_span("\n  def (\n", 2) == Span(line=2, column=2, end_line=2, end_column=7)
+    assert find_span("def (\n\n", 2) is None
 
 
 @given(st.text(max_size=80), st.integers(1, 5))

@@ -106,6 +106,14 @@ RULES: tuple[tuple[re.Pattern[str], Advise], ...] = (
         lambda match: f'use the model that you are given, or mjcourse.model_path("{match[1].rpartition("/")[2]}")',
     ),
     (
+        re.compile(r"FileNotFoundError: .*No such file or directory: '"),
+        lambda _: "a script runs without the files beside it: write into the script what it needs of them",
+    ),
+    (
+        re.compile(r"Unable to allocate"),
+        lambda _: "a script's memory is limited: look for a list or an array that grows in every step",
+    ),
+    (
         re.compile(r"ValueError: Error: repeated name '"),
         lambda _: (
             "the function is called for each case in the same process, and an MjSpec keeps what was added to it: make "

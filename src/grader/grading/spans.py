@@ -5,8 +5,11 @@ import re
 
 from grader.domain.verdict import Span, Verdict
 
-NAMED_LINE = re.compile(r"\bline (\d{1,5}) of your script\b|^Line (\d{1,5}) raised\b|\bThe loop in line (\d{1,5}) \(")
-"""How the sentences on crashes, on time that ran out and on handled exceptions name a line."""
+NAMED_LINE = re.compile(
+    r"\bline (\d{1,5}) of your script\b|^Line (\d{1,5}) raised\b|\bThe loop in line (\d{1,5}) \("
+    r"|^(?:Syntax|Indentation|Tab)Error: .*\(line (\d{1,5}): "
+)
+"""How the sentences on crashes, on time that ran out, on handled exceptions and on bad syntax name a line."""
 
 
 def locate_diagnosis(verdict: Verdict, source: str) -> Verdict:
@@ -21,18 +24,19 @@ def locate_diagnosis(verdict: Verdict, source: str) -> Verdict:
 def read_named_line(sentence: str) -> int:
     """Returns the line that a sentence names; 0 where it names none."""
     match = NAMED_LINE.search(sentence)
-    return int(match[1] or match[2] or match[3]) if match else 0
+    return int(next(filter(None, match.groups()))) if match else 0
 
 
 def find_span(source: str, line: int) -> Span | None:
-    """Returns the span of the innermost simple statement on a line, of a compound one its first line; None for a script
-    that cannot be parsed or is too long to be read, or a line without a statement."""
+    """Returns the span of the innermost simple statement on a line, of a compound one its first line, and of a script
+    that cannot be parsed the line; None for a line without a statement."""
     from grader.exercises.explaining.script import ParsedScript  # which a command that grades a choice does not need
 
-    tree = ParsedScript(source).tree
+    tree, lines = ParsedScript(source).tree, source.splitlines()
     if tree is None:
-        return None
-    lines = source.splitlines()
+        text = lines[line - 1].rstrip()
+        begin = len(text) - len(text.lstrip())
+        return Span(line=line, column=begin, end_line=line, end_column=len(text)) if text else None
     statements = [
         node
         for node in ast.walk(tree)

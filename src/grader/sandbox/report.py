@@ -70,7 +70,10 @@ def _explain_stop(ending: Ending, limits: Limits) -> tuple[RunStatus, str] | Non
     stops = {
         Cause.CPU: (RunStatus.TIMED_OUT, f"The script used up its CPU time of {limits.cpu_s:g} s."),
         Cause.WALL: (RunStatus.TIMED_OUT, f"The script was still waiting for something after {limits.wall_s:g} s."),
-        Cause.OUTPUT: (RunStatus.OUTPUT_TOO_LARGE, f"The script printed more than {limits.output_kb} KB."),
+        Cause.OUTPUT: (
+            RunStatus.OUTPUT_TOO_LARGE,
+            f"The script printed more than {limits.output_kb} KB: take `print` out of its loops and steps.",
+        ),
         Cause.MEMORY: (RunStatus.OUT_OF_MEMORY, f"The script used more than {limits.memory_mb} MB of memory."),
         Cause.PART: (RunStatus.TIMED_OUT, "The script used up the CPU time that one case may take."),
         Cause.ANSWER: (RunStatus.CRASHED, "The script's process answered what it was not asked."),

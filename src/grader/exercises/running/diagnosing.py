@@ -55,7 +55,8 @@ def diagnose(
     if first is None:
         return None, None
     if first not in whole:
-        message = f"{message} {OTHER_MODEL}" if first.hidden and kind.needs_model else message
+        if first.hidden and kind.needs_model:
+            message = f"{message} {find_hint(first) or OTHER_MODEL}"
         message = tell_view(message, first.script)
         return Mistake(message), message
     slip = explain_hidden_slip([trial.trace for trial in whole if not trial.counts and trial.hidden == first.hidden])
@@ -90,7 +91,12 @@ def find_first(judged: Sequence[tuple[AnyJudged, str]]) -> tuple[AnyJudged | Non
 
 def choose_plain(first: AnyJudged, message: str) -> str:
     """Returns what is said of a trial whose mistake is not known: the hint of its case, else its message."""
-    return (first.trial.case.hint if first.trial.case else None) or message
+    return find_hint(first) or message
+
+
+def find_hint(first: AnyJudged) -> str | None:
+    """Returns what the author says of a case that is the first to fail."""
+    return first.trial.case.hint if first.trial.case else None
 
 
 def find_plain(judged: Sequence[tuple[AnyJudged, str]]) -> tuple[Mistake | None, str | None]:

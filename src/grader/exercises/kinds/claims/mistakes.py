@@ -44,7 +44,7 @@ ROUNDED = "{label} is rounded too coarsely: return it as it was measured."
 
 
 PRINTED = "Your function prints its result and returns None: return it instead."
-NOTHING = "Your function returns None: end it with `return` and the claims."
+NOTHING = "Your function returns None: end it with `return` and the values that are asked for."
 NO_NAME = "The dictionary that your function returns has no `{name}`: its keys are spelt as the task gives them."
 OTHER_COUNT = "Your function returns {got}, and {asked} are asked for: return a dictionary with their names."
 

@@ -230,7 +230,7 @@ def compare_same(goal: Goal, expression: str, one: Mapping[str, Any], other: Map
 def describe_difference(expression: str, mine: NDArray[np.float64], its: NDArray[np.float64]) -> str:
     """Returns in which way values differ from those of the reference."""
     if len(its) > 1 and bool(np.any(its != its[0])):
-        return f"{expression} moves otherwise."
+        return f"{expression} does not move as it should."
     mine, its = mine[-1:], its[-1:]
     if its.size == 1 and not CODE.search(expression):
         way = "larger" if float(mine.flat[0]) > float(its.flat[0]) else "smaller"
