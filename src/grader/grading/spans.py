@@ -34,7 +34,7 @@ def find_span(source: str, line: int) -> Span | None:
 
     tree, lines = ParsedScript(source).tree, source.splitlines()
     if tree is None:
-        text = lines[line - 1].rstrip()
+        text = lines[line - 1].rstrip() if 0 < line <= len(lines) else ""
         begin = len(text) - len(text.lstrip())
         return Span(line=line, column=begin, end_line=line, end_column=len(text)) if text else None
     statements = [
