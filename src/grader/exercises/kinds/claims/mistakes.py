@@ -39,6 +39,10 @@ NEVER_SETTLES = (
     "at how far it is from where it comes to rest."
 )
 SAME_EVERYWHERE = "{label} is the same in every case: measure it on the model and from the start that you are given."
+KEPT = (
+    "{label} is right in the first case, and the same in all later ones: what an earlier call has put into a list or a "
+    "variable outside of the function is still there. Make it within the function."
+)
 SAME_FOR_ALL_X = "{label} is the same for every x: use x."
 ROUNDED = "{label} is rounded too coarsely: return it as it was measured."
 
@@ -117,6 +121,8 @@ def explain_sameness(judged: Sequence[Judged], name: str) -> str | None:
         np.allclose(other.measured.values, first.measured.values, rtol=1e-3) for other in given
     ):
         steps = bool(judged[0].script.names & STEPPING)
+        if steps and not first.why:
+            return KEPT
         return NEVER_SETTLES if first.claim.quantity == "settling" and steps else SAME_EVERYWHERE
     return None
 
