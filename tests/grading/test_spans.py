@@ -36,8 +36,9 @@ def test_a_span_is_that_of_the_statement_in_characters() -> None:
     assert find_span(SOURCE, 5) == Span(line=4, column=11, end_line=5, end_column=11)
     assert find_span(SOURCE, 6) == Span(line=6, column=4, end_line=6, end_column=12)
     assert find_span(SOURCE, 2) is None
-    assert find_span("\n  def (\n", 2) == Span(line=2, column=2, end_line=2, end_column=7)
-    assert find_span("def (\n\n", 2) is None
+    assert find_span("def (", 1) is None
+    bad = locate_diagnosis(verdict("SyntaxError: invalid syntax (line 2: def ()"), "\n  def (\n")
+    assert bad.span == Span(line=2, column=2, end_line=2, end_column=7)
 
 
 @given(st.text(max_size=80), st.integers(1, 5))

@@ -5,9 +5,10 @@ import re
 
 from grader.domain.verdict import Span, Verdict
 
+BAD_SYNTAX = re.compile(r"(?:Syntax|Indentation|Tab)Error: .*\(line (\d{1,5}): ")
 NAMED_LINE = re.compile(
     r"\bline (\d{1,5}) of your script\b|^Line (\d{1,5}) raised\b|\bThe loop in line (\d{1,5}) \("
-    r"|^(?:Syntax|Indentation|Tab)Error: .*\(line (\d{1,5}): "
+    rf"|^{BAD_SYNTAX.pattern}"
 )
 """How the sentences on crashes, on time that ran out, on handled exceptions and on bad syntax name a line."""
 
@@ -18,7 +19,8 @@ def locate_diagnosis(verdict: Verdict, source: str) -> Verdict:
     line = verdict.line or read_named_line(verdict.diagnosis or "")
     if not 1 <= line <= len(source.splitlines()):
         return verdict.model_copy(update={"line": None}) if verdict.line else verdict
-    return verdict.model_copy(update={"line": line, "span": find_span(source, line)})
+    span = mark_line(source, line) if BAD_SYNTAX.match(verdict.diagnosis or "") else find_span(source, line)
+    return verdict.model_copy(update={"line": line, "span": span})
 
 
 def read_named_line(sentence: str) -> int:
@@ -27,16 +29,22 @@ def read_named_line(sentence: str) -> int:
     return int(next(filter(None, match.groups()))) if match else 0
 
 
+def mark_line(source: str, line: int) -> Span | None:
+    """Returns the span of the text on a line; None for an empty line."""
+    text = source.splitlines()[line - 1].rstrip()
+    begin = len(text) - len(text.lstrip())
+    return Span(line=line, column=begin, end_line=line, end_column=len(text)) if text else None
+
+
 def find_span(source: str, line: int) -> Span | None:
-    """Returns the span of the innermost simple statement on a line, of a compound one its first line, and of a script
-    that cannot be parsed the line; None for a line without a statement."""
+    """Returns the span of the innermost simple statement on a line, of a compound one its first line; None for a script
+    that cannot be parsed or is too long to be read, or a line without a statement."""
     from grader.exercises.explaining.script import ParsedScript  # which a command that grades a choice does not need
 
-    tree, lines = ParsedScript(source).tree, source.splitlines()
+    tree = ParsedScript(source).tree
     if tree is None:
-        text = lines[line - 1].rstrip() if 0 < line <= len(lines) else ""
-        begin = len(text) - len(text.lstrip())
-        return Span(line=line, column=begin, end_line=line, end_column=len(text)) if text else None
+        return None
+    lines = source.splitlines()
     statements = [
         node
         for node in ast.walk(tree)
