@@ -28,6 +28,9 @@ PLACE = re.compile(r"(lib\.(?:body|site|geom)Pos\([^()]*\)|lib\.com\(\))\[(\d)\]
 ALIKE = 1e-6
 """How near numbers of two integrators are that are the same for a learner, relatively."""
 
+MOMENTS = ("settling", "crossing")
+"""Quantities that are counted from the start of a run."""
+
 END = ("data.qpos", "data.qvel", "data.act")
 
 
@@ -166,6 +169,8 @@ class Scene:
                 values = self.read(setup=self.write_end(before, more_s))
                 if values is not None:
                     yield values
+                    if self.claim.quantity in MOMENTS:  # which data.time, running on, tells later
+                        yield values + before.seconds * self.claim.scale
             if len({experiment for experiment, _ in points}) > 1:
                 yield from self.read_chain([experiment for experiment, _ in points], more_s)
 

@@ -166,6 +166,8 @@ def diagnose_reading(outcome: RunOutcome, failed: Sequence[AnyJudged], reading: 
     """Diagnoses a wrong run whose trace has been read. A step of four calls whose stages are all sums of its slopes is
     named by its tableau. Of any other a mutant tells more: the tableau takes every call for a stage."""
     judged = failed[0]
+    if (sentence := explain_other_steppers(judged.trace)) == OTHER_STEPPERS["scipy.integrate"]:
+        return Diagnosis(sentence)  # calls of mj_forward came from there: they are no stages of the student's
     if does_nothing(reading) and (sentence := explain_later_calls(judged)):
         return Diagnosis(sentence)
     sentence = find_sentence(STATE_RULES, reading) or explain_changed_model(judged)
