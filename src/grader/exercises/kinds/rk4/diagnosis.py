@@ -201,7 +201,7 @@ def does_nothing(reading: Reading) -> bool:
 def explain_later_calls(judged: AnyJudged) -> str | None:
     """Returns the sentence of a step most of whose calls do nothing, while the first did."""
     steps = next((float(note.numbers[0]) for note in judged.trace.list_notes("long") if len(note.numbers) == 1), 0.0)
-    if steps > LOOP_STEPS:
+    if LOOP_STEPS < steps < np.inf:
         return LOOPS.format(steps=steps)
     acts = any(step.calls for step in read_steps(judged.trace, judged.judgement.outcome.run))
     return ONLY_ONCE if acts else None
