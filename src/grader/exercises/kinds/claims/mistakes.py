@@ -40,8 +40,9 @@ NEVER_SETTLES = (
 )
 SAME_EVERYWHERE = "{label} is the same in every case: measure it on the model and from the start that you are given."
 KEPT = (
-    "{label} is right in the first case, and the same in all later ones: it is a number of that case, or what an earlier "
-    "call has put into a list or a variable outside of the function. Measure within the function, in every call."
+    "{label} is right in the first case, and the same in all later ones: it is a number of that case, or what an "
+    "earlier call has put into a list or a variable outside of the function. Measure it within the function, in every "
+    "call."
 )
 SAME_FOR_ALL_X = "{label} is the same for every x: use x."
 ROUNDED = "{label} is rounded too coarsely: return it as it was measured."
