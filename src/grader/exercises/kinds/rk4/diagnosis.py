@@ -96,7 +96,7 @@ NOTHING_HIDDEN = (
 
 LOOPS = (
     "One call of your step moves data.time on by {steps:.4g} timesteps: take one step of model.opt.timestep in a call, "
-    "and leave the loop to whoever calls it."
+    "and leave the loop to the caller."
 )
 
 ONLY_ONCE = (
@@ -166,8 +166,9 @@ def diagnose_reading(outcome: RunOutcome, failed: Sequence[AnyJudged], reading: 
     """Diagnoses a wrong run whose trace has been read. A step of four calls whose stages are all sums of its slopes is
     named by its tableau. Of any other a mutant tells more: the tableau takes every call for a stage."""
     judged = failed[0]
-    if (sentence := explain_other_steppers(judged.trace)) == OTHER_STEPPERS["scipy.integrate"]:
-        return Diagnosis(sentence)  # calls of mj_forward came from there: they are no stages of the student's
+    other_steppers = explain_other_steppers(judged.trace)
+    if other_steppers == OTHER_STEPPERS["scipy.integrate"]:
+        return Diagnosis(other_steppers)  # calls of mj_forward came from there: they are no stages of the student's
     if does_nothing(reading) and (sentence := explain_later_calls(judged)):
         return Diagnosis(sentence)
     sentence = find_sentence(STATE_RULES, reading) or explain_changed_model(judged)
@@ -188,7 +189,7 @@ def diagnose_reading(outcome: RunOutcome, failed: Sequence[AnyJudged], reading: 
         more = "" if match.explains_all else " There is more: this does not explain every failed case."
         return Diagnosis(match.sentence + more, place=find_mutant_place(match))
     sentence = sentence or add_second(rest, failed[1:])
-    fallback = explain_other_steppers(judged.trace) or find_sentence(FALLBACK_RULES, reading)
+    fallback = other_steppers or find_sentence(FALLBACK_RULES, reading)
     return Diagnosis(sentence, fallback, find_first_difference(reading))
 
 

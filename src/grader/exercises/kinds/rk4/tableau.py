@@ -71,6 +71,11 @@ class Reading:
     idle: Sequence[int]
     still: Sequence[int]
 
+    @property
+    def has_four_calls(self) -> bool:
+        """Whether a step calls mj_forward as often as the classical one, calls that it does not use included."""
+        return self.steps[0].calls == len(CLASSICAL) - 1
+
 
 Rule = Callable[[Reading], str | None]
 """Returns the sentence of a mistake that a reading shows; None if it does not."""

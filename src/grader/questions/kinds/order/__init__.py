@@ -27,7 +27,7 @@ UNTOUCHED = "Give each item its position first."
 REVERSED = "Your order is the reverse of the right one: check at which end it begins."
 ROTATED = "Your items follow each other rightly, but the order begins at the wrong one: check which comes first."
 CHARACTERS_QUOTED = 120
-"""Of an item in a finding: two that begin alike are told apart."""
+"""Characters of an item that a finding quotes: enough to tell two apart that begin alike."""
 
 
 class OrderQuestion(Question):

@@ -147,7 +147,7 @@ def find_bits(moves: Sequence[Move]) -> int | None:
 def explain_rounded_slopes(reading: Reading) -> str | None:
     """Returns the sentence of slopes, or of their sum, that are rounded to 32 or 16 bits: a row that cannot be read is
     that of the classical step, but for the last digits."""
-    if reading.steps[0].calls != STAGES:
+    if not reading.has_four_calls:
         return None
     parts: list[tuple[str, Combinations, str, Callable[[Step], Rows]]] = [
         ("The slopes", reading.velocities, "qvel", lambda step: step.qacc[1:])
@@ -181,7 +181,7 @@ def explain_rounded_state(reading: Reading) -> str | None:
         pairs = [(getattr(step, field)[0], getattr(step, field)[1]) for step in steps]
         if is_rounded(pairs, bits):
             return f"The state went through {bits}-bit floats: use NumPy's default, float64."
-    if reading.steps[0].calls != STAGES:
+    if not reading.has_four_calls:
         return None
     ends = [step.qvel[0] + step.timestep_s * (np.array(CLASSICAL[-1]) @ step.qacc[1:]) for step in steps]
     pairs = [(end, step.qvel[-1]) for step, end in zip(steps, ends, strict=True)]
@@ -225,7 +225,7 @@ def explain_clipped_velocities(reading: Reading) -> str | None:
 
 def explain_added_constant(reading: Reading) -> str | None:
     """Returns the sentence of accelerations to which the same numbers are added in every step."""
-    if reading.steps[0].calls != STAGES:
+    if not reading.has_four_calls:
         return None
     added = [2 * (step.qvel[2] - step.qvel[0]) / step.timestep_s - step.qacc[1] for step in reading.steps]
     scale = CONSTANT_RTOL * max(float(np.max(np.abs(step.qacc))) for step in reading.steps)

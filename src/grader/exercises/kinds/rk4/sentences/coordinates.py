@@ -49,7 +49,7 @@ def is_one_number(values: Rows) -> bool:
 
 def explain_some_coordinates(reading: Reading) -> str | None:
     """Returns the sentence of a step of which some coordinates are right in every row, and others are not."""
-    if reading.steps[0].calls != STAGES:
+    if not reading.has_four_calls:
         return None
     for row in range(2, reading.calls + 2):
         for what, part in (("position", 0), ("velocity", 1)):
@@ -103,7 +103,7 @@ def describe_coordinates(reading: Reading, row: int, what: str, wrong: Sequence[
 
 def explain_lost_length(reading: Reading) -> str | None:
     """Returns the sentence of a step whose positions end in the direction of the mean velocity, but not as far."""
-    if reading.steps[0].calls != STAGES:
+    if not reading.has_four_calls:
         return None
     lengths = []
     for step in reading.steps:

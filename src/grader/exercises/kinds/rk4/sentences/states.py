@@ -189,7 +189,7 @@ def explain_missing_slope(reading: Reading) -> str | None:
     model, parts = reading.model, {"velocity": [step.qvel for step in reading.steps]}
     if model.nq == model.nv:
         parts["position"] = [step.qpos for step in reading.steps]
-    if model.nv < NUMBERS_MIN or reading.steps[0].calls != STAGES:
+    if model.nv < NUMBERS_MIN or not reading.has_four_calls:
         return None
     for row in range(2, reading.calls + 1):
         for what, states in parts.items():
