@@ -80,7 +80,7 @@ def test_the_names_that_tests_use_are_allowed(monkeypatch: pytest.MonkeyPatch) -
     [
         ("GRADER_WROKERS", "1", "GRADER_WROKERS is no setting: did you mean GRADER_WORKERS?"),
         ("GRADER_PORT", "99999", "GRADER_PORT: Input should be less than or equal to 65535"),
-        ("GRADER_ALLOWED_HOSTS", "a.example", "GRADER_ALLOWED_HOSTS: Further names"),
+        ("GRADER_ALLOWED_HOSTS", "a.example", "GRADER_ALLOWED_HOSTS cannot be read. Further names"),
         ("GRADER_ALLOWED_HOSTS", '["https://a.example"]', "GRADER_ALLOWED_HOSTS: https://a.example is no name"),
         ("GRADER_ALLOWED_HOSTS", '["a.example:8000"]', "GRADER_ALLOWED_HOSTS: a.example:8000 is no name"),
         ("GRADER_TRUSTED_PROXIES", '["10.0.0.0/8", "proxy"]', "GRADER_TRUSTED_PROXIES[1]: value is not a valid IPv4"),

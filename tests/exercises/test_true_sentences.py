@@ -37,7 +37,7 @@ EDITS_MAX = 400
 LIMITS = Limits(cpu_s=4, wall_s=40)
 """Edited programs that loop for ever end soon."""
 
-MILLISECONDS = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?) ms\b|(\d+(?:\.\d+)?) and (\d+(?:\.\d+)?) ms\b")
+MILLISECONDS = re.compile(r"(?<![\w.-])(-?\d+(?:\.\d+)?) ms\b|(\d+(?:\.\d+)?) and (\d+(?:\.\d+)?) ms\b")
 
 
 @dataclass
@@ -107,7 +107,7 @@ def check_search(told: Told) -> None:
     sentence, known = told.sentence, list_known_milliseconds(told)
     for match in MILLISECONDS.finditer(sentence):
         for number in filter(None, match.groups()):
-            digits = len(number.replace(".", "").strip("0")) or 1
+            digits = len(number.lstrip("-").replace(".", "").strip("0")) or 1
             assert any(abs(float(number) - value) <= 10.0 ** (1 - digits) * abs(value) for value in known), sentence
     right = re.search(r"search is right: ([\d.]+) ms stayed stable, and at ([\d.]+) ms MuJoCo warned", sentence)
     if right is not None:

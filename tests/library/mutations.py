@@ -40,7 +40,7 @@ PAGE = ROOT / "docs/authoring.md"
 DRAWS = 2
 """How often the chance of luck draws every case; `grader check` draws 200 times the same code."""
 
-CPU_S_MAX = 30.0
+CPU_S_MAX = 60.0
 """Most CPU time for one mutation [s]."""
 
 SEEDS = (1, 2)

@@ -1,7 +1,7 @@
 # mistake: The student counts the addresses alone, and counts four velocities for a ball joint and seven for a free joint.
 # next: Use model.jnt_dofadr, or count three velocities for a ball joint and six for a free joint.
 # status: partial
-# told: hidden case 3: TypeError, in line 20 of your script. The model there is another one:
+# told: hidden case 3: TypeError, in line 20 of your script. The free body is right, a tree with several joints is not:
 # told from MuJoCo 4.0.0: incorrect: of second order on rotations only
 import mujoco
 import numpy as np
