@@ -248,7 +248,7 @@ def test_what_is_wrong_in_the_first_episode_already_is_no_leftover(pipeline: Pip
     """With this seed the first hidden episode succeeds by chance, and no other."""
     source = (ROOT / "reference_solutions" / QUIZ / "cart-pole" / "partial__forgets_the_cart.py").read_text()
     diagnosis = grade(pipeline, "cart-pole", source, seed=5975763200289741).diagnosis
-    assert diagnosis == "The controls do not depend on cart."
+    assert diagnosis == "The controls do not depend on cart: add a term with a gain of its own."
 
 
 def test_a_film_says_why_an_episode_ended_early() -> None:

@@ -1,3 +1,3 @@
-# diagnosis: The gain on angle is far too large.
+# diagnosis: The gain on angle is far too large
 def control(model, data, target):
     return 40000 * (target - data.qpos[0]) - 7 * data.qvel[0]

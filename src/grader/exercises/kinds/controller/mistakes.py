@@ -29,6 +29,7 @@ from grader.exercises.kinds.controller.sentences import (
     LITTLE_END,
     MISSING,
     MISSING_HERE,
+    NO_TARGET,
     NOISE,
     NONE,
     NOTHING,
@@ -61,8 +62,6 @@ FAR = 5.0
 
 RECORDS_READ = 3
 """Failed episodes that are looked at."""
-
-NO_TARGET = MISSING.format(name="the target")
 
 REST_PART = 5
 """The last of so many parts of an episode is its end."""

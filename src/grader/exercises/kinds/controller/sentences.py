@@ -5,7 +5,7 @@ WRITES = (
     "the controls that you return, or leave in data.ctrl, act."
 )
 NONE = "The function returns None, and leaves data.ctrl as it was: return the control."
-HARDLY = "In this motion the controls hardly depend on {name}."
+HARDLY = "In this motion the controls hardly depend on {name}: give it a larger gain."
 SHARES = (
     "The controls are far too small, and would be right as shares of what the actuator gives: return them in its unit, "
     "times its largest control."
@@ -31,13 +31,14 @@ STALE = (
     "then keep it for the next."
 )
 SIGN = "The gain on {name} has the wrong sign: it pushes away from the target, or feeds the motion that it should damp."
-MISSING = "The controls do not depend on {name}."
+MISSING = "The controls do not depend on {name}: add a term with a gain of its own."
+NO_TARGET = "The controls do not depend on the target: subtract what is observed from it, and use this error."
 MISSING_HERE = "In this motion the controls do not depend on {name}: it is left out, or a limit holds its error fast."
 DEGREES_END = "is off by the factor between degrees and radians: the sensors tell radians."
 DEGREES = f"The gain on {{name}} {DEGREES_END}"
 TARGET_DEGREES = f"The target, as the controls use it, {DEGREES_END}"
-LARGE = "The gain on {name} is far too large."
-LITTLE_END = "is far too small."
+LARGE = "The gain on {name} is far too large: lower it, and watch what the motion does."
+LITTLE_END = "is far too small: raise it, and watch what the motion does."
 LITTLE = f"The gain on {{name}} {LITTLE_END}"
 NOISE = (
     "The controls differentiate a noisy measurement: the difference of two readings, divided by a short step, is "
