@@ -19,6 +19,7 @@ HIDDEN_LINES_MAX = 10_000
 """The last line that is shown of a claim that was made with hidden inputs, as of exceptions: more would tell more."""
 COUNTED = ("mj_step", "mj_forward")
 RATE_MAX = 1e9
+UNENDED = "went on"
 WHICH_ENDS = "Check when each of them ends."
 
 
@@ -87,8 +88,8 @@ def describe_loop(source: str, counts: Any, samples: Any, above: Above) -> str:
         lasting = find_place(tree, above.stays) if type(above.stays) is int else Surroundings(None, [])
         if not lasting.loops:
             return describe_outermost(source, tree, above)
-        loop, ends = quote_line(source, lasting.loops[-1]), describe_end(tree, lasting.loops[-1])
-        return f" The loop in {loop}{lasting.text}, {ends}. Check when it should."
+        loop = quote_line(source, lasting.loops[-1])
+        return f" The loop in {loop}{lasting.text}, {UNENDED}. Check when it should end."
     inner = max(clear)
     here = find_place(tree, inner)
     seen = f" It was busy in the loop that begins in {quote_line(source, inner)}{here.text}."
@@ -110,16 +111,10 @@ def describe_above(source: str, tree: ast.AST, here: Surroundings, above: Above)
     place = find_place(tree, above.stays if lasts else above.outermost)  # else all calls have ended while it sampled
     if place.loops and place.function is not here.function:
         begins = quote_line(source, place.loops[-1])
-        how = f"{describe_end(tree, place.loops[-1])}, and leads" if lasts else "leads"
+        how = f"{UNENDED}, and leads" if lasts else "leads"
         leads = f"The loop in {begins}{place.text}, {how} there each time."
         return f" {leads}{{called}} Check when that loop ends."
     return ""
-
-
-def describe_end(tree: ast.AST, line: int) -> str:
-    """Return how a loop lasts that has not ended: `for` goes over something, which may end."""
-    counts = any(isinstance(node, ast.For) and node.lineno == line for node in ast.walk(tree))
-    return "does not end in that time" if counts else "never ends"
 
 
 def quote_line(source: str, line: int) -> str:
