@@ -282,6 +282,7 @@ def test_average_is_the_mean_of_the_attempts_that_used_one(
 ) -> None:
     average = count_points(attempts, policy.model_copy(update={"counts": "average"}), extension)
     used = [one for one in attempts if one.status in PAID]
+    used = [one for one in used if one.status is not Status.NEEDS_REVIEW] or used
     shares = [one.points * late_multiplier(policy, extension, one.at) for one in used]
     assert average.sources == tuple(used)
     assert average.points == pytest.approx(sum(shares) / len(shares) if shares else 0, abs=1e-9)
@@ -306,6 +307,13 @@ def test_best_latest_and_average() -> None:
     counted = {name: count_points(attempts, Policy.model_validate({"counts": name}), None) for name in COUNTS}
     numbers = {name: (one.points, one.numbers) for name, one in counted.items()}
     assert numbers == {"best": (9, (2,)), "latest": (1, (4,)), "average": (5.25, (1, 2, 3, 4))}
+
+
+def test_what_nobody_has_marked_does_not_lower_an_average() -> None:
+    attempts = [attempt(1, status=Status.NEEDS_REVIEW), attempt(2, 4)]
+    counted = count_points(attempts, Policy(counts="average"), None)
+    assert (counted.points, counted.numbers, counted.is_final) == (4, (2,), False)
+    assert count_points(attempts[:1], Policy(counts="average"), None).numbers == (1,)
 
 
 def test_points_are_final_once_nothing_waits() -> None:

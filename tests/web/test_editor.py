@@ -20,6 +20,11 @@ LINK = "line => { const a = document.createElement('a'); a.dataset.goTo = line; 
 CAME_LATER = """() => performance.getEntriesByType('resource').find((one) => /editor\\.js/.test(one.name)).startTime
   >= performance.getEntriesByName('first-contentful-paint')[0].startTime"""
 
+PUT_BACK = """async () => { const turn = () => new Promise((go) => setTimeout(go, 50));
+  const marked = document.querySelector('#result .marked'), home = marked.parentNode;
+  marked.remove(); await turn(); home.append(marked); await turn(); }"""
+"""The result of an older attempt comes back, as after a script that was stopped."""
+
 
 @pytest.fixture(scope="module")
 def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
@@ -131,6 +136,7 @@ def test_the_diagnosis_stands_under_its_line_and_a_link_leads_there(page: Page) 
     page.evaluate(LINK, line)
     page.keyboard.press("End")
     page.keyboard.type("#")
+    expect(said).to_be_visible()
     changed = page.locator("textarea.code").input_value().splitlines()
     assert changed[int(line or 0) - 1].endswith("#")
     assert findings(page) == []
@@ -138,6 +144,9 @@ def test_the_diagnosis_stands_under_its_line_and_a_link_leads_there(page: Page) 
     page.reload()
     editor_of(page).focus()
     assert findings(page) == []
+    page.locator("textarea.code").fill(f"# Another script.\n{source}")
+    page.evaluate(PUT_BACK)
+    expect(said).to_have_count(0)
 
 
 def test_it_comes_after_the_page_on_exercises_alone(context: BrowserContext) -> None:

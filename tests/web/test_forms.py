@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import httpx
 import pytest
 from playwright.sync_api import expect
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from grader.courses.answering import stopping
@@ -17,6 +18,7 @@ from grader.queue import jobs
 from grader.service.accounts import in_database
 from grader.settings import Settings
 from grader.store import regrades, submissions
+from grader.store.tables import Member
 from grader.web.frame.rendering import templates
 from support.servers import PLAIN
 from web.browsing import chromium, findings, service
@@ -155,6 +157,14 @@ def test_an_answer_of_an_expired_session_is_given_back(browser: httpx.Client) ->
     assert response.status_code == 401
     assert "the session of this browser has ended. Load the page again, then send it once more." in response.text
     assert "A long text &lt;b&gt;" in response.text
+
+
+def test_whoever_had_signed_in_is_not_told_to_go_on_as_somebody_else(browser: httpx.Client, settings: Settings) -> None:
+    in_database(settings, lambda session: create_sign_in_code(session, "cat", Role.STUDENT))
+    cat = in_database(settings, lambda session: session.scalars(select(Member.id).where(Member.name == "cat")).one())
+    response = browser.post("/quizzes/1.3-check/q1", data={"answer": "1", "learner": cat})
+    assert response.status_code == 401
+    assert "Sign in in another tab, then send it again." in response.text
 
 
 def test_where_accounts_are_needed_the_cure_is_to_sign_in() -> None:

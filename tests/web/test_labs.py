@@ -262,6 +262,12 @@ def test_a_slider_over_decades_is_logarithmic_and_runs_while_it_is_dragged(servo
     assert runs[-1] == shown
 
 
+def test_a_slider_reaches_its_end(servo: Locator) -> None:
+    timestep = servo.get_by_role("slider", name="timestep h")
+    timestep.press("End")  # 19 steps, whose share of the slider is no finite decimal
+    expect(timestep).to_have_attribute("aria-valuetext", "0.020 s")
+
+
 def test_a_typed_value_outside_the_range_is_refused_in_a_sentence(servo: Locator) -> None:
     typed = servo.get_by_label("damping kv", exact=True)
     typed.fill("101")

@@ -60,3 +60,17 @@ def test_a_lesson_tells_when_each_of_its_quizzes_is_due(tmp_path_factory: pytest
         learner.post("/session")
         page = re.sub(r"<[^>]+>", "", learner.get("/").text)
     assert "Sat 27 Nov 2190, 18:00 UTC, then Sat 4 Dec 2190, 18:00 UTC" in page
+
+
+def test_a_lesson_is_not_over_with_one_of_its_quizzes(tmp_path_factory: pytest.TempPathFactory) -> None:
+    content = write_content(tmp_path_factory.mktemp("mixed") / "content")
+    file = content / "quizzes" / "small.json"
+    for id_, policy in (("9.9-a", {"due": "2020-11-27T18:00Z"}), ("9.9-b", {})):
+        (file.parent / f"{id_}.json").write_text(
+            json.dumps(json.loads(file.read_text()) | {"id": id_, "policy": policy})
+        )
+    with open_site(Settings(content=content, data=tmp_path_factory.mktemp("data"), workers=0)) as site:
+        learner = site.anonymous({"Accept": "text/html", "Sec-Fetch-Site": "same-origin", "Origin": site.origin})
+        learner.post("/session")
+        page = re.sub(r"<[^>]+>", "", learner.get("/").text)
+    assert "1 of 2 quizzes over since Fri 27 Nov 2020, 18:00 UTC" in page

@@ -99,7 +99,7 @@ def test_withheld_feedback_is_only_a_receipt(browser: httpx.Client) -> None:
     assert "once the results are published" in mine
     assert not re.search("orrect|SECRET", mine)
     assert not re.search("orrect|SECRET", card(right, "2.2-withheld--q"))
-    assert "<dd>0 of 1</dd>" in page
+    assert "<dd>not shown yet, of 1</dd>" in page
 
 
 def test_when_attempts_are_spent_the_page_says_so_and_shows_the_solution(browser: httpx.Client) -> None:
@@ -156,7 +156,7 @@ def test_a_withheld_verdict_does_not_tell_that_it_was_changed(browser: httpx.Cli
         (
             ("review", "partial", 0.5, 1),
             ("rubric", "partial", 0.5, 1),
-            "change of the rubric: the points stay 0.5 of 1.",
+            "change of the rubric: this attempt keeps 0.5 of 1.",
         ),
         (("grading", "correct", 1, 1), ("regrade", "correct", 2, 2), "its key: 2 of 2 now, 1 of 1 before."),
         (("grading", "correct", 1, 1), ("regrade", "needs_review", 0, 1), "will decide; before, it had 1 of 1."),

@@ -19,9 +19,9 @@ from grader.store.events import EVENTS
 from grader.store.submissions import STOP
 from grader.store.tables import Submission
 
-STOPPED = "You stopped this script before it ran. No attempt was used."
-STOPPED_RUNNING = "You stopped this script while it ran. No attempt was used."
-STOPPED_LATE = "You stopped this script after its hidden cases had begun, which uses an attempt."
+STOPPED = "This script was stopped before it ran. No attempt was used."
+STOPPED_RUNNING = "This script was stopped while it ran. No attempt was used."
+STOPPED_LATE = "This script was stopped after its hidden cases had begun, which uses an attempt."
 NOT_STOPPED = "The script was at its end, and gets its verdict."
 STOPPING = "The script is being stopped."
 TOO_LATE = "This script cannot be stopped any more: it has its verdict, or is being stopped."

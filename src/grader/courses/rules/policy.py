@@ -184,8 +184,9 @@ def decide_without_content(role: str) -> Decision:
 
 def count_points(attempts: Sequence[Attempt], policy: Policy, extension: Extension | None) -> CountedPoints:
     """The points that count, to 9 digits, late multipliers included; `attempts` in the order of handing in. A learner
-    may see them from `Visibility.FEEDBACK` on. Only attempts that used one and have a verdict count. Among equally good
-    ones the first is the best. A taken answer keeps counting, also where `due` is moved to an earlier date."""
+    may see them from `Visibility.FEEDBACK` on. Only attempts that used one and have a verdict count; in an average of
+    several, those that wait for a reviewer do not count yet. Among equally good ones the first is the best. A taken
+    answer keeps counting, also where `due` is moved to an earlier date."""
     used = [attempt for attempt in attempts if attempt.uses_attempt]
     decided = [attempt for attempt in used if attempt.status is not None]
     waiting = used if policy.counts == "average" else used[-1:]
@@ -195,7 +196,10 @@ def count_points(attempts: Sequence[Attempt], policy: Policy, extension: Extensi
     extension = extension or NO_EXTENSION
     points = [attempt.points * late_multiplier(policy, extension, attempt.at) for attempt in decided]
     if policy.counts == "average":
-        total, sources = math.fsum(points) / len(points), decided
+        # What nobody has marked has no points yet, not 0 of them.
+        marked = [index for index, attempt in enumerate(decided) if attempt.status is not Status.NEEDS_REVIEW]
+        counting = marked or range(len(decided))
+        total, sources = math.fsum(points[i] for i in counting) / len(counting), [decided[i] for i in counting]
     else:
         index = points.index(max(points)) if policy.counts == "best" else -1
         total, sources = points[index], [decided[index]]

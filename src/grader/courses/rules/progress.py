@@ -59,7 +59,8 @@ def describe_progress(earlier: Sequence[ComparedAttempt], now: ComparedAttempt) 
         is_known = last.is_whole and now.held >= last.held
         gained = f": {more} more of {several} {hold}" if more and is_known else ""
         return f"Better than attempt {last.attempt}{gained}, {compare_points(now, last)}."
-    if now.points < best.points:
+    holds_as_much = bool(now.held) and best.is_whole and now.held >= best.held  # a person has set the points
+    if now.points < best.points and not holds_as_much:
         return f"Attempt {best.attempt} was better, {compare_points(best, now)}: go on from that one."
     return ""
 

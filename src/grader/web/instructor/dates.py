@@ -29,7 +29,7 @@ CHOICES: Mapping[str, Mapping[str, str]] = {
     "counts": {"best": "the best attempt", "latest": "the latest attempt", "average": "the average of all attempts"},
     "feedback": {
         "immediate": "at once",
-        "after_due": "once nobody can hand in any more",
+        "after_due": "once the learner can hand in no more",
         "after_publish": "once you publish it, on the page Extensions",
     },
     "solutions": {

@@ -19,6 +19,7 @@ from grader.gate.services import AppServices, Services
 from grader.grading.pipeline import ParsedSubmission
 from grader.questions import FIELD, Fields, Question, kind_of
 from grader.store import submissions
+from grader.store.tables import Member
 from grader.web.frame.inputs import Form, FormFields, Visitor
 from grader.web.frame.rendering import page
 from grader.web.learner.lesson import TypedAnswer
@@ -63,7 +64,8 @@ async def hand_in(
     if sender is None:
         is_file = request.headers.get("content-type", "").startswith("multipart/")  # which is no text to take along
         typed = "" if is_file else "\n".join(value for values in fields.values() for value in values)
-        kept = {"who": visitor, "typed": typed, "begin": services.sessions.anonymous}
+        begin = await run_in_threadpool(begins_again, services, form.get("learner", ""))
+        kept = {"who": visitor, "typed": typed, "begin": begin}
         return page(request, "signed_out.html", 401, {"Cache-Control": "no-store"}, **kept)
     library = services.library_for(sender.who)
     question = library.question(quiz_id, question_id)
@@ -117,6 +119,15 @@ def find_sender(services: Services, visitor: Identity | None, learner: str) -> S
         return None
     opened = services.sessions.writing(start_anonymous_session)
     return Sender(opened.identity, services.sessions.set_cookie(opened))
+
+
+def begins_again(services: Services, learner: str) -> bool:
+    """Whether who sent the form only has to load the page again: on loopback, a learner whom nothing but the session
+    made known. Others would go on as somebody else."""
+    if not services.sessions.anonymous:
+        return False
+    member = services.sessions.reading(lambda session: session.get(Member, learner))
+    return member is None or member.account is None
 
 
 def choose_page(wanted: str, quiz_id: str) -> str:

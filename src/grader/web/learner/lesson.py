@@ -200,8 +200,8 @@ def list_facts(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
     sums = [work.points(quiz) for quiz in with_questions]
     got, of = (sum(column) for column in zip(*sums, strict=True))
     counts = dict.fromkeys(describe_counting(work.access.policies[quiz.id]) for quiz in with_questions)
-    facts = {"points": f"{write_points(got)} of {write_points(of)}"}
     places = [work.places[quiz.id, question.id] for quiz in with_questions for question in quiz.questions]
+    facts = {"points": describe_sum(places, got, of)}
     if waiting := sum(place.of for place in places if place.needs_review and not place.points):
         facts[WITH_AN_INSTRUCTOR] = format_count(waiting, "point")
     facts["what counts"] = ", ".join(counts)
@@ -215,5 +215,15 @@ def list_facts(quizzes: Iterable[Quiz], work: Work) -> dict[str, str]:
         decisions = (work.access.decide(quiz.id, question.id) for quiz in with_questions for question in quiz.questions)
         closings = [decision.closes for decision in decisions if decision.why_not is None and decision.closes]
         late = f", late answers until {format_day(max(closings))}" if closings else ""
-        facts["due"] = f"over since {format_day(max(dues))}{late}"
+        over = sum(any(work.places[quiz.id, question.id].due for question in quiz.questions) for quiz in with_questions)
+        part = f"{over} of {len(with_questions)} quizzes " if over < len(with_questions) else ""
+        facts["due"] = f"{part}over since {format_day(max(dues))}{late}"
     return facts
+
+
+def describe_sum(places: Sequence[QuestionPlace], got: float, of: float) -> str:
+    """Says how many points of how many there are, as far as they may be seen."""
+    if not any(place.given is not None and place.given.withheld for place in places):
+        return f"{write_points(got)} of {write_points(of)}"
+    shown = f"{write_points(got)} so far, others" if any(place.points is not None for place in places) else ""
+    return f"{shown} not shown yet, of {write_points(of)}".strip()

@@ -33,7 +33,8 @@ export class Controls {
       shown(value);
       this.listeners.change(spec);
     };
-    range.step = spec.step && !line.isLog ? spec.step / (spec.max - spec.min) : "any";
+    // Rounded down: were the steps a bit larger, the last one would lie beyond the end, and be left out.
+    range.step = spec.step && !line.isLog ? Math.floor(1e12 * spec.step / (spec.max - spec.min)) / 1e12 : "any";
     range.addEventListener("input", () => {
       const value = onGrid(line.value(Number(range.value)), spec);
       typed.value = value;

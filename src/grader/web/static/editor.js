@@ -55,15 +55,16 @@ class Message extends WidgetType {
   }
 }
 
-const say = StateEffect.define(); // { line, text }, or null
+const say = StateEffect.define(); // { line, code, text }, or null
 const said = StateField.define({
   create: () => Decoration.none,
   update(marks, change) {
     const effect = change.effects.find((candidate) => candidate.is(say));
     if (!effect) return marks.map(change.changes);
-    const { line: number, text } = effect.value ?? {};
+    const { line: number, code, text } = effect.value ?? {};
     if (!number || number > change.state.doc.lines) return Decoration.none;
     const line = change.state.doc.line(number);
+    if (line.text.trim() !== code) return Decoration.none; // another script was loaded meanwhile
     return Decoration.set([
       Decoration.line({ class: "cm-faulty" }).range(line.from),
       Decoration.widget({ widget: new Message(text), block: true, side: 1 }).range(line.to),
@@ -156,10 +157,10 @@ export function openEditor(area) {
 
 // The line that the verdict on the newest attempt marks, with its sentence; null without one.
 function messageOn(result) {
-  const marked = result.querySelector(".marked"), line = marked?.querySelector(".hot")?.dataset.line;
-  if (!line || result.querySelector("[data-into-editor]")) return null; // an older attempt can be put into the editor
+  const marked = result.querySelector(".marked"), hot = marked?.querySelector(".hot");
+  if (!hot || result.querySelector("[data-into-editor]")) return null; // an older attempt can be put into the editor
   const text = [...marked.querySelector(".margin").childNodes].filter((node) => node.className !== "hidden-text").map((node) => node.textContent).join("");
-  return { line: Number(line), text: text.trim() };
+  return { line: Number(hot.dataset.line), code: hot.textContent.trim(), text: text.trim() };
 }
 
 function showLine(view, number) {

@@ -17,6 +17,7 @@ class Badge:
 NOT_ANSWERED = Badge("Not answered", "open", "wait")
 QUEUED = Badge("Waiting for its turn", "waiting", "wait")
 RUNNING = Badge("Running", "waiting", "wait")
+HALTED = Badge("Stopped", "stopped", "wait")
 RECEIVED = Badge("Received", "waiting", "wait")
 
 STATUSES = {

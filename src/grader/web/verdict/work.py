@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from sqlalchemy.orm import Session
 
 from grader.courses.answering.access import LearnerAccess, describe_progress_at, read_access
+from grader.courses.answering.stopping import STOPPED, STOPPED_RUNNING
 from grader.courses.people.identity import Identity
 from grader.courses.rules.policy import (
     NO_EXTENSION,
@@ -27,7 +28,7 @@ from grader.store.reviewing.line_comments import CommentedAttempt
 from grader.store.submissions import AttemptMark, SubmissionFilter, VerdictMark
 from grader.store.tables import Result, Submission
 from grader.web.text.numbers import write_points
-from grader.web.text.statuses import NOT_ANSWERED, QUEUED, RUNNING, STATUSES, Badge, describe_status
+from grader.web.text.statuses import HALTED, NOT_ANSWERED, QUEUED, RUNNING, STATUSES, Badge, describe_status
 
 ReadAnswer = Callable[[Submission], Any]
 """Returns a stored answer as it is shown beside its question now."""
@@ -86,6 +87,8 @@ class GivenAnswer:
         """Its state in words."""
         if self.verdict is None:
             return RUNNING if self.state == submissions.RUNNING else QUEUED
+        if self.verdict.get("diagnosis") in (STOPPED, STOPPED_RUNNING):
+            return HALTED
         return describe_status(self.verdict["status"], withheld=self.withheld is not None)
 
     @property
@@ -139,6 +142,8 @@ class QuestionPlace:
     lab_is_open: bool
     due: datetime | None
     attempts_left: int | None
+    is_final: bool = True
+    """Whether neither a verdict nor a person can still change what counts."""
     commented: Sequence[CommentedAttempt] = ()
     """The attempts before the newest that instructors commented on, the newest first."""
 
@@ -151,6 +156,11 @@ class QuestionPlace:
     def needs_review(self) -> bool:
         """Whether a person has to decide: no points yet are no lost points."""
         return self.badge is STATUSES[Status.NEEDS_REVIEW]
+
+    @property
+    def earlier_waits(self) -> bool:
+        """Whether the newest answer is decided, and an earlier one is not."""
+        return not self.is_final and self.given is not None and self.given.is_decided
 
     @property
     def earlier_counts(self) -> bool:
@@ -213,6 +223,7 @@ def describe_place(
         given, None if counts is None else counts["points"], question.points,
         access.describe_attempts(quiz, question), access.describe_dates(quiz, question), decision.may_answer,
         given is not None and decision.why_no_lab is None, decision.due, progress["attempts_left"],
+        counts is None or counts["is_final"],
     )  # fmt: skip
 
 
@@ -312,7 +323,7 @@ def describe_regrade(before: VerdictMark, after: VerdictMark) -> str:
     if after.status == Status.NEEDS_REVIEW:
         return f"{opening}: an instructor will decide; before, it had {write_points(before.points)} {worth}."
     if (before.points, before.max_points) == (after.points, after.max_points):
-        return f"{opening}: the points stay {write_points(after.points)} {worth}."
+        return f"{opening}: this attempt keeps {write_points(after.points)} {worth}."
     earlier = f"of {write_points(before.max_points)}"
     return f"{opening}: {write_points(after.points)} {worth} now, {write_points(before.points)} {earlier} before."
 

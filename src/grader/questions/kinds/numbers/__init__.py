@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
 from grader.domain.lab import LabConfig
-from grader.domain.pages.markup import plain_text, quoted
+from grader.domain.pages.markup import quoted, spoken_text
 from grader.domain.plugins import Remark
 from grader.domain.verdict import Finding, Status, Verdict, verdict_of
 from grader.domain.verify import Verify
@@ -37,7 +37,7 @@ class NumberField(Target):
     @property
     def name(self) -> str:
         """The label as plain text."""
-        return plain_text(self.label)
+        return spoken_text(self.label)
 
 
 def _distinct_ids(fields: tuple[NumberField, ...]) -> tuple[NumberField, ...]:
