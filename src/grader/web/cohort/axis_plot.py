@@ -112,7 +112,7 @@ def draw_class(
 
 def write_caption(dots: Sequence[Dot], axis: ClassAxis, *, has_arrows: bool) -> str:
     """Says what is to be seen, and what stands where it does not lie."""
-    caption = "One dot is the newest answer of one learner that has a place here: full where the exercise is solved, hollow where it is not."
+    caption = "One dot is the newest answer of one learner that has a place here: full where it is right, else hollow."
     low, high = choose_range([dot.position for dot in dots], axis)
     numbers = [dot.position.middle for dot in dots if not dot.position.is_none]
     if any(value > high or (value < low and not axis.is_log) for value in numbers):
