@@ -502,12 +502,15 @@ def test_a_script_that_runs_is_stopped_and_stays_in_the_editor(visit: Visit) -> 
     expect(visit.page.locator("textarea.code")).to_have_value(endless)
 
 
-def test_a_file_that_is_no_text_is_refused_beside_the_editor(visit: Visit, tmp_path: Path) -> None:
+def test_a_file_that_is_no_script_is_refused_beside_the_editor(visit: Visit, tmp_path: Path) -> None:
     visit.page.goto(SERVO)
-    for name, body in (("picture.py", b"\xff\xfe\x00"), ("archive.py", b"PK\x03\x04\x00")):
+    for name, body, why in (
+        ("picture.py", b"\xff\xfe\x00", "not UTF-8"), ("m.ipynb", b'{"cells": [], "nbformat": 4}', "a notebook"),
+        ("archive.py", b"PK\x03\x04\x00", "not UTF-8"),
+    ):  # fmt: skip
         (tmp_path / name).write_bytes(body)
         visit.page.locator("[data-file]").set_input_files(tmp_path / name)
-        expect(visit.page.locator("[data-trouble].bad")).to_contain_text("not UTF-8")
+        expect(visit.page.locator("[data-trouble].bad")).to_contain_text(why)
     assert "def largest_stable_timestep" in visit.page.locator("textarea.code").input_value()
 
 

@@ -27,15 +27,21 @@ export function echo(form, { drafts, tell, buttonOf, OFFLINE }) {
   }, TYPING_MS));
 }
 
+const NOTEBOOK = /^\s*\{[^]*"nbformat"/;
+const NO_SCRIPT = "This is a notebook: load its code alone, which Jupyter saves with File, Save and Export Notebook As, Executable Script.";
+
 export async function load(form, input, { drafts, tell }) {
   const [file] = input.files;
   if (!file) return;
   try {
     const text = new TextDecoder("utf-8", { fatal: true }).decode(await file.arrayBuffer());
     if (text.includes("\0")) throw new TypeError(`${file.name} is no text`);
-    drafts.put(form, { answer: [text] });
-    drafts.keep(form);
-    tell(form, `${file.name} is loaded; not handed in yet.`);
+    if (NOTEBOOK.test(text)) tell(form, NO_SCRIPT, true);
+    else {
+      drafts.put(form, { answer: [text] });
+      drafts.keep(form);
+      tell(form, `${file.name} is loaded; not handed in yet.`);
+    }
   } catch {
     tell(form, "This file is not UTF-8 text; save it as plain text.", true);
   }
