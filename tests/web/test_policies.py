@@ -139,6 +139,22 @@ def test_a_learner_reads_that_an_answer_was_graded_again(browser: httpx.Client, 
     assert (match[1] + match[2]).endswith("UTC, after a change of the question or its key: 1 of 1 now, 0 of 1 before.")
 
 
+def test_a_learner_reads_what_a_regrade_made_of_earlier_attempts(browser: httpx.Client, settings: Settings) -> None:
+    for option in ("1", "0"):
+        send(browser, "1.1-open", option)
+
+    def change(session: Session) -> None:
+        newest = select(Submission).where(Submission.quiz == "1.1-open").order_by(Submission.id.desc()).limit(2)
+        for row in session.scalars(newest).all():
+            submissions.append_verdict(
+                session, row, Verdict(status=Status.INCORRECT, points=0.0, max_points=1.0), "regrade"
+            )
+
+    in_database(settings, change)
+    shown = re.sub(r"<[^>]*>", "", card(browser.get("/lessons/1.1").text, "1.1-open--q"))
+    assert "its key: this attempt keeps 0 of 1. Attempt 1: 0 of 1 now, 1 of 1 before." in shown
+
+
 def test_a_withheld_verdict_does_not_tell_that_it_was_changed(browser: httpx.Client, settings: Settings) -> None:
     send(browser, "2.2-withheld", "0")
     grade_again(settings, "2.2-withheld")

@@ -197,7 +197,8 @@ def read_work(session: Session, library: Library, who: Identity, quizzes: Sequen
     named = {quiz.id for quiz in quizzes}
     rows = [row for row in submissions.find_newest(session, who.course, who.id) if row.quiz in named]
     given = read_answers(session, access, rows, read)
-    newest = {(row.quiz, row.question): each for row, each in zip(rows, given, strict=True)}
+    newest = {(row.quiz, row.question): tell_earlier_regrades(session, row, each)
+              for row, each in zip(rows, given, strict=True)}  # fmt: skip
     own_results = results.find_everywhere(session, who.course, who.id)
     places = {}
     for quiz in quizzes:
@@ -210,6 +211,22 @@ def read_work(session: Session, library: Library, who: Identity, quizzes: Sequen
         if at in places and latest is not None and latest.withheld is None and latest.id != comment.submission:
             places[at] = replace(places[at], commented=(*places[at].commented, comment))
     return Work(access, places, read)
+
+
+def tell_earlier_regrades(session: Session, row: Submission, given: GivenAnswer) -> GivenAnswer:
+    """Adds to what is said of a newest answer that was graded again how the points of earlier ones have changed, which
+    may be those that count."""
+    if not given.again or row.attempt == 1:
+        return given
+    wanted = SubmissionFilter(row.course, quiz=row.quiz, question=row.question, learner=row.learner)
+    earlier = [other for other in submissions.page(session, wanted, None, ATTEMPTS_MAX) if other.attempt < row.attempt]
+    marks = submissions.last_marks(session, earlier)
+    changes = [
+        f" Attempt {other.attempt}: {describe_change(*marks[other.id])}."
+        for other in reversed(earlier)
+        if other.id in marks and describe_regrade(*marks[other.id]) and has_other_points(*marks[other.id])
+    ]
+    return replace(given, again=given.again + "".join(changes))
 
 
 def describe_place(
@@ -322,10 +339,20 @@ def describe_regrade(before: VerdictMark, after: VerdictMark) -> str:
     worth = f"of {write_points(after.max_points)}"
     if after.status == Status.NEEDS_REVIEW:
         return f"{opening}: an instructor will decide; before, it had {write_points(before.points)} {worth}."
-    if (before.points, before.max_points) == (after.points, after.max_points):
+    if not has_other_points(before, after):
         return f"{opening}: this attempt keeps {write_points(after.points)} {worth}."
-    earlier = f"of {write_points(before.max_points)}"
-    return f"{opening}: {write_points(after.points)} {worth} now, {write_points(before.points)} {earlier} before."
+    return f"{opening}: {describe_change(before, after)}."
+
+
+def has_other_points(before: VerdictMark, after: VerdictMark) -> bool:
+    """Whether the second of two verdicts gives other points, or out of other ones."""
+    return (before.points, before.max_points) != (after.points, after.max_points)
+
+
+def describe_change(before: VerdictMark, after: VerdictMark) -> str:
+    """Says which points there are now, and which there were."""
+    now, earlier = (f"{write_points(mark.points)} of {write_points(mark.max_points)}" for mark in (after, before))
+    return f"{now} now, {earlier} before"
 
 
 def read_in_full(row: Submission, answer: Any, verdict: Any | None) -> GivenAnswer:
