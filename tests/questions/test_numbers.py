@@ -14,6 +14,7 @@ from grader.domain.verdict import Status
 from grader.errors import ContentError, InvalidAnswer
 from grader.library import load
 from grader.questions import grade_answer, kind_of, parse_question, question_view, read_answer
+from grader.questions.kinds.number import NumberQuestion
 from grader.questions.kinds.numbers import Numbers, NumbersQuestion
 from support.content import PASSED
 
@@ -217,3 +218,10 @@ def test_numbers_that_all_stand_one_field_further_are_told_so(either_sign: bool)
     assert grade_answer(turn, {"w": 0.924, "x": 0, "y": 0, "z": 0.383}).diagnosis is None
     negative = grade_answer(turn, {"w": 0, "x": 0, "y": -0.383, "z": -0.924})
     assert (negative.diagnosis == last.diagnosis) is either_sign
+
+
+def test_a_tolerance_that_takes_almost_anything_is_a_remark() -> None:
+    for tolerance, told in ((0.4, None), (1.0, "everything from 0.2 to 2.2 is right"), (1.2, "0 is right too")):
+        question = NumberQuestion(id="q", kind="numeric", q="How far?", answer=1.2, tol=tolerance)
+        remarks = [remark.why for remark in kind_of(question).warnings(question) if remark.key == "tol"]
+        assert (told is None and not remarks) or (told is not None and told in remarks[0])

@@ -49,6 +49,10 @@ class NumberQuestion(Target, Drawable, Question):
         )  # fmt: skip
 
 
+WIDE = 0.4
+"""The share of an answer from which on a tolerance is remarked: half of the answer is nearly right then."""
+
+
 def target_warnings(target: Target) -> Iterator[Remark]:
     """Yields remarks on a unit and a tolerance that accept fewer answers than their author may expect, or more."""
     if target.unit and known_unit(target.unit) is None:
@@ -58,6 +62,9 @@ def target_warnings(target: Target) -> Iterator[Remark]:
         yield Remark("tol", "2 % of 0 is 0: give tol, or only an exact 0 is right")
     if target.answer and target.tolerance >= abs(target.answer):
         yield Remark("tol", "it is as large as the answer, so that 0 is right too: give a smaller one")
+    elif target.tolerance > abs(target.answer) * WIDE:
+        low, high = sorted((target.answer - target.tolerance, target.answer + target.tolerance))
+        yield Remark("tol", f"it is wide: everything from {low:.4g} to {high:.4g} is right; give a smaller one")
 
 
 def list_typed_numbers(target: Target) -> list[str]:
