@@ -21,7 +21,8 @@ const COLOURS = HighlightStyle.define([
 
 const LOOK = EditorView.theme({
   "&": { height: "100%", containerType: "inline-size", color: "var(--ink)", backgroundColor: "var(--card)", fontSize: "var(--small)" },
-  "&.cm-focused": { outline: "2px solid var(--ink)", outlineOffset: "-2px" },
+  "&.cm-focused": { outline: "0" },
+  "&.cm-focused::after": { content: "''", position: "absolute", inset: "0", border: "2px solid var(--ink)", pointerEvents: "none", zIndex: "201" }, // above the line numbers
   ".cm-scroller": { fontFamily: "var(--mono)", lineHeight: "1.5", overscrollBehavior: "auto" },
   ".cm-content": { caretColor: "var(--ink)", padding: "var(--s2) 0" },
   ".cm-gutters": { backgroundColor: "var(--card)", color: "var(--soft)", border: "0" },
