@@ -6,6 +6,7 @@ from collections import Counter, UserDict, namedtuple
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 from math import exp, pi, sqrt
 from pathlib import Path
 from types import MappingProxyType
@@ -21,6 +22,7 @@ from grader.domain.quantities import QuantityName, Window
 from grader.domain.verdict import Verdict
 from grader.exercises import JudgedTrial, check_exercise, load_kinds, plan_exercise
 from grader.exercises.kinds.claims.driver import name_values, separate, to_numbers
+from grader.exercises.kinds.claims.measuring import measure_claims
 from grader.exercises.kinds.claims.mistakes import name_the_mistake
 from grader.exercises.kinds.claims.naming import name_reading
 from grader.exercises.rehearsing import certify_exercise
@@ -319,6 +321,32 @@ def test_a_claim_that_depends_on_the_timestep_is_refused_unless_the_author_says_
     for timestep in ("any", "given"):
         question = pose({"xml": stiff}, claims=[{**claim, "timestep": timestep}], seconds=12)
         assert certify_exercise(question, lambda _: "", "q.json") == []
+
+
+def test_an_interval_may_hold_the_number_of_a_run_at_the_own_timestep() -> None:
+    """Two neighbouring samples of such a run are what a learner has, and the limit may lie beyond them."""
+    coarse = SPRING.replace('integrator="RK4"', 'integrator="Euler"').replace("0.002", "0.01")
+    claim = {"name": "back", "quantity": "crossing", "expr": "data.qpos[0]", "level": 0.0, "direction": "down",
+             "count": 2, "form": "interval", "width": 0.04, "unit": "s"}  # fmt: skip
+    questions = {
+        timestep: pose({"xml": coarse}, claims=[{**claim, "timestep": timestep}], seconds=2)
+        for timestep in ("both", "any")
+    }
+    assert certify_exercise(questions["both"], lambda _: "", "q.json") == []
+    model = mujoco.MjModel.from_xml_string(coarse)
+    data = mujoco.MjData(model)
+    data.qpos[0], samples = 0.1, [(0.0, 0.1)]
+    while data.time < 2:
+        mujoco.mj_step(model, data)
+        samples.append((data.time, float(data.qpos[0])))
+    pairs = [(t, u) for (t, x), (u, y) in pairwise(samples) if x >= 0 > y]
+    (measured,) = measure_claims(plan_exercise(questions["both"], lambda _: "", 1).trials[0].problem)
+    low, high = pairs[1]
+    assert not low <= measured.values[0] <= high, "the limit lies in the bracket: the test shows nothing"
+    assert diagnose(questions["both"], (low, high)) is None
+    assert diagnose(questions["any"], (low, high)) is not None
+    assert diagnose(questions["both"], (low - 0.02, high - 0.02)) is not None
+    assert diagnose(questions["both"], (low + 0.03, high + 0.03)) is not None
 
 
 @pytest.mark.parametrize("timestep", ["both", "any", "given"])
