@@ -32,13 +32,15 @@ class Fault:
 
 @dataclass(eq=False)
 class Record:
-    """What happened in one episode, a row for each control period: time [s], positions (nq,), the tracked sensor, its
-    target, the sensors of goals, what was observed, the controls as they were asked for and as they acted, the power
-    [W] (0 where no goal needs it), and the author's rewards. `is_over`: the author's program ended it."""
+    """What happened in one episode, a row for each control period: time [s], positions (nq,), velocities (nv,), the
+    tracked sensor, its target, the sensors of goals, what was observed, the controls as they were asked for and as they
+    acted, the power [W] (0 where no goal needs it), and the author's rewards. `is_over`: the author's program ended
+    it."""
 
     episode: Episode
     time_s: Floats = field(default_factory=lambda: np.empty(0))
     qpos: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    qvel: Floats = field(default_factory=lambda: np.empty((0, 0)))
     tracked: Floats = field(default_factory=lambda: np.empty(0))
     target: Floats = field(default_factory=lambda: np.empty(0))
     sensors: dict[str, Floats] = field(default_factory=dict)
@@ -121,7 +123,8 @@ class EpisodeRun:
         data.ctrl[:] = applied
         goals = self._sensors[self._goals_at]
         tracked = float(self._sensors[self._track][0])
-        row = (time_s, self._state[0].copy(), tracked, self._target, goals)
+        qpos, qvel, _ = self._state
+        row = (time_s, qpos.copy(), qvel.copy(), tracked, self._target, goals)
         goes_on, power_w, reward = plant.advance(self.problem.steps), 0.0, 0.0
         if goes_on:
             power_w = plant.power_w if self._needs_power else 0.0
@@ -138,7 +141,7 @@ class EpisodeRun:
         record = Record(self.episode, fault=fault, lost_at_s=self.lost_at_s, is_over=self.is_over)
         if self._rows:
             columns = [np.array(column) for column in zip(*self._rows, strict=True)]
-            record.time_s, record.qpos, record.tracked, record.target, goals, *rest = columns
+            record.time_s, record.qpos, record.qvel, record.tracked, record.target, goals, *rest = columns
             record.observed, record.asked, record.applied, record.power_w, record.rewards = rest
             record.sensors = dict(zip((name for name in self._goals if name), goals.T, strict=True))
         return record

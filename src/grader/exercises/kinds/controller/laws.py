@@ -1,8 +1,10 @@
 """Fits the law behind a controller's answers: a linear function of what it observed, perhaps of the step before, of
 differences, or of the sum of errors. A law that fits to rounding is taken for the student's own."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isclose
+from typing import TypeGuard
 
 import mujoco
 import numpy as np
@@ -31,11 +33,18 @@ ROWS_MIN = 12
 """Fewer controls than this tell no law."""
 
 
+OTHERS_MAX = 6
+"""Controls up to which each is also compared with what holds the joints of the others: their order may be wrong."""
+
+Loads = Sequence[Floats]
+"""What may hold the model against gravity, by one control: a number for each period."""
+
+
 @dataclass(frozen=True)
 class FittedLaw:
-    """Controls = observed now (or a step before) times `gains`, plus `difference` times their change, plus `integral`
-    times the sum of errors over time [1/s], plus `gravity` times what holds the model against gravity, plus a
-    `constant`."""
+    """One control = observed now (or a step before) times `gains`, plus `difference` times their change, plus
+    `integral` times the sum of errors over time [1/s], plus `gravity` times what holds the model against gravity, plus
+    a `constant`. `size` is the standard deviation of the control: by it laws of controls in different units compare."""
 
     gains: Floats
     difference: Floats
@@ -43,6 +52,7 @@ class FittedLaw:
     stale: bool
     constant: float
     gravity: float = 0.0
+    size: float = 1.0
 
     @property
     def differentiates(self) -> bool:
@@ -50,28 +60,53 @@ class FittedLaw:
         return bool(np.any(np.nan_to_num(self.difference)))
 
 
+Laws = tuple[FittedLaw, ...]
+"""The law of each control."""
+
+
+def fit_laws(
+    record: Record, *, track: int, has_target: bool, fits: float = EXACT, loads: Sequence[Loads] = ()
+) -> tuple[FittedLaw | None, ...]:
+    """Returns the law of each control, as `fit_law` does. A control that never changes follows nothing, where another
+    one does."""
+    laws: list[FittedLaw | None] = []
+    for index, asked in enumerate(record.asked.T):
+        if len(asked) >= ROWS_MIN and np.ptp(asked) == 0 < np.ptp(record.asked, axis=0).max():
+            width = record.observed.shape[1]
+            laws.append(FittedLaw(np.zeros(width), np.empty(0), 0.0, stale=False, constant=float(asked[0])))
+        else:
+            own = loads[index] if loads else ()
+            laws.append(fit_law(record, asked, track=track, has_target=has_target, fits=fits, loads=own))
+    return tuple(laws)
+
+
+def are_all_known(laws: tuple[FittedLaw | None, ...]) -> TypeGuard[Laws]:
+    """Whether every control has a law, so that it can be said what none of them follows."""
+    return all(law is not None for law in laws)
+
+
 def fit_law(
-    record: Record, *, track: int, has_target: bool, fits: float = EXACT, load: Floats | None = None
+    record: Record, asked: Floats, *, track: int, has_target: bool, fits: float = EXACT, loads: Loads = ()
 ) -> FittedLaw | None:
-    """Returns the simplest law that explains a share `fits` of the variance of the first control; None if none does.
-    `track` is the place of the tracked sensor in what was observed, `load` the control that holds the model against
-    gravity at each moment. Only controls between their extremes are looked at: a script may clip its own."""
+    """Returns the simplest law that explains a share `fits` of the variance of a control; None if none does.
+    `track` is the place of the tracked sensor in what was observed, `loads` what may hold the model against gravity.
+    Only controls between their extremes are looked at: a script may clip its own."""
     if len(record.time_s) < ROWS_MIN:
         return None
-    seen, asked = record.observed, record.asked[:, 0]
+    seen = record.observed
     before = np.vstack((seen[:1], seen[:-1]))
     error = (seen[:, -1] if has_target else 0.0) - seen[:, track]
     sums = (np.cumsum(error) * (record.time_s[1] - record.time_s[0]))[:, None]
     free = find_free(asked)
     width = seen.shape[1]
     none = np.empty((len(seen), 0))
-    loads = none if load is None else load[:, None]
+    columns = [load[:, None] for load in loads]
     for base, change, integral, gravity in (
         (seen, none, none, none),
         (before, none, none, none),
-        (seen, none, none, loads),
+        *((seen, none, none, load) for load in columns),
         (seen, none, sums, none),
-        (seen, none, sums, loads),
+        *((seen, none, sums, load) for load in columns),
         (seen, seen - before, none, none),
         (seen, seen - before, sums, none),
     ):
@@ -83,7 +118,8 @@ def fit_law(
             if carried and not any(isclose(carried, known, rel_tol=ROUNDS) for known in CARRIED):
                 continue
             summed = float(np.nan_to_num(gains[-1])) if integral.size else 0.0
-            return FittedLaw(gains[:width], changes, summed, base is before, constant, carried)
+            is_stale, size = base is before, float(asked.std())
+            return FittedLaw(gains[:width], changes, summed, is_stale, constant, carried, size)
     return None
 
 
@@ -116,20 +152,37 @@ def solve(columns: Floats, asked: Floats, free: Mask, fits: float) -> tuple[Floa
     return gains, float(solution[-1])
 
 
-def measure_load(problem: Problem, record: Record) -> Floats | None:
-    """Returns the first control that holds the model, as the learner has it, against gravity in each period; None where
-    that control acts on no joint of one number."""
+def measure_loads(problem: Problem, record: Record) -> list[Loads]:
+    """Returns, for each control, what may hold the model, as the learner has it, against gravity in each period: at
+    rest, and with the forces of its motion, as data.qfrc_bias has them. Of a control that acts on no joint of one
+    number there is nothing."""
     model = problem.model
-    joint, gear = model.actuator_trnid[0, 0], model.actuator_gear[0, 0]
-    if model.actuator_trntype[0] != int(mujoco.mjtTrn.mjTRN_JOINT) or not gear:
-        return None
-    if model.jnt_type[joint] < int(mujoco.mjtJoint.mjJNT_SLIDE):  # a free or a ball joint
-        return None
-    data, loads, forces = mujoco.MjData(model), np.empty(len(record.qpos)), np.empty(model.nv)
-    for index, qpos in enumerate(record.qpos):
+    data, forces = mujoco.MjData(model), np.empty((2, len(record.qpos), model.nv))
+    for index, (qpos, qvel) in enumerate(zip(record.qpos, record.qvel, strict=True)):
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        mujoco.mj_rne(model, data, 0, forces)
-        loads[index] = forces[model.jnt_dofadr[joint]] / gear
+        for which, velocity in enumerate((0.0, qvel)):
+            data.qvel[:] = velocity
+            mujoco.mj_comVel(model, data)
+            mujoco.mj_rne(model, data, 0, forces[which, index])
+    still, moving = forces
+    sources = (still, moving) if model.nv > 1 else (still,)
+    dofs = [find_dof(model, actuator) for actuator in range(model.nu)]
+    loads: list[Loads] = []
+    for actuator, own in enumerate(dofs):
+        others = [dof for dof in dofs if dof not in (None, own)] if model.nu <= OTHERS_MAX else []
+        gear = model.actuator_gear[actuator, 0]
+        known = [dof for dof in (own, *others) if dof is not None and gear]
+        loads.append([source[:, dof] / gear for dof in known for source in sources])
     return loads
+
+
+def find_dof(model: mujoco.MjModel, actuator: int) -> int | None:
+    """Returns the place in qvel of the joint that an actuator acts on; None where that is no joint of one number."""
+    if model.actuator_trntype[actuator] != int(mujoco.mjtTrn.mjTRN_JOINT):
+        return None
+    joint = model.actuator_trnid[actuator, 0]
+    if model.jnt_type[joint] < int(mujoco.mjtJoint.mjJNT_SLIDE):  # a free or a ball joint
+        return None
+    return int(model.jnt_dofadr[joint])

@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import combinations
 from math import degrees
 
+import mujoco
 import numpy as np
 
 from grader.exercises.episodes.goals import measure_saturation, switches_ends
@@ -13,12 +14,21 @@ from grader.exercises.episodes.judge import EpisodeOutcome
 from grader.exercises.episodes.parameters import Problem
 from grader.exercises.episodes.simulating import Floats, Record, list_widths
 from grader.exercises.kind import JudgedTrial
-from grader.exercises.kinds.controller.laws import ROUGH, FittedLaw, fit_law, measure_load
+from grader.exercises.kinds.controller.laws import (
+    ROUGH,
+    FittedLaw,
+    Laws,
+    are_all_known,
+    find_dof,
+    fit_laws,
+    measure_loads,
+)
 from grader.exercises.kinds.controller.parameters import ControllerParameters
 from grader.exercises.kinds.controller.sentences import (
     CONSTANT,
     DEGREES,
     DEGREES_END,
+    EXCHANGED,
     GRAVITY_SIGN,
     GRAVITY_TWICE,
     HANGS,
@@ -41,6 +51,7 @@ from grader.exercises.kinds.controller.sentences import (
     SHARES,
     SIGN,
     STALE,
+    STILL,
     SUM_OF_STEPS,
     SUM_SIGN,
     SWAPPED,
@@ -87,6 +98,9 @@ periods lacks the period as a factor."""
 
 OWN_GRAVITY = 0.5
 """The share of gravity that a control carries at least if it is in the actuator's own unit."""
+
+READS_JOINTS = frozenset(map(int, (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtSensor.mjSENS_JOINTVEL)))
+"""Types of sensors that read one joint."""
 
 SATURATED = 0.5
 """The share of time at the actuator's limit that counts as most of it."""
@@ -146,14 +160,15 @@ def ignores_target(parameters: ControllerParameters, judged: Sequence[Judged]) -
     if not parameters.has_target:
         return False
     track = find_columns(parameters, judged[0].trial.problem)[parameters.track]
-    by_target: dict[float, float] = {}
+    by_target: dict[float, list[float]] = {}
     for trial, record in ((each, record) for each in judged for record in each.judgement.outcome.records):
-        load = measure_load(trial.problem, record)
-        law = None if record.fault else fit_law(record, track=track, has_target=True, load=load)
-        if law is not None and np.ptp(record.target) == 0 and not law.integral and not law.differentiates:
-            by_target[float(record.target[0])] = law.constant
+        if record.fault or np.ptp(record.target) > 0:
+            continue
+        laws = fit_laws(record, track=track, has_target=True, loads=measure_loads(trial.problem, record))
+        if are_all_known(laws) and not any(law.integral or law.differentiates for law in laws):
+            by_target[float(record.target[0])] = [law.constant for law in laws]
     constants = np.array([*by_target.values()])
-    return len(by_target) > 1 and bool(np.ptp(constants) <= SAME * np.abs(constants).max())
+    return len(by_target) > 1 and bool(np.all(np.ptp(constants, axis=0) <= SAME * np.abs(constants).max(axis=0)))
 
 
 def is_first_alone(judged: Judged) -> bool:
@@ -169,41 +184,62 @@ def find_sentences(parameters: ControllerParameters, judged: Judged, record: Rec
         yield HELD if limited else NOTHING
         return
     track = find_columns(parameters, judged.problem)[parameters.track]
-    load = measure_load(judged.problem, record)
-    law = fit_law(record, track=track, has_target=parameters.has_target, load=load)
-    rough = law or fit_law(record, track=track, has_target=parameters.has_target, fits=ROUGH)
+    laws = fit_laws(
+        record, track=track, has_target=parameters.has_target, loads=measure_loads(judged.problem, record)
+    )  # fmt: skip
+    exact, rough = laws if are_all_known(laws) else None, fit_roughly(parameters, record, track, laws)
     if aims_in_degrees(parameters, judged.problem, record, rough):
         yield TARGET_DEGREES
-    if law is not None:
-        yield from find_in_law(parameters, judged.problem, record, law)
-    elif rough is not None:
-        yield from find_in_rough_law(parameters, judged.problem, record, rough)
+    if exact is not None:
+        yield from find_in_law(parameters, judged.problem, record, exact)
+    else:
+        yield from find_wrong_load([law for law in laws if law is not None])
+        if rough is not None:
+            yield from find_in_rough_law(parameters, judged.problem, record, rough)
     if limited > SATURATED:
         is_sensible = rough is not None and not any(find_wrong_gains(parameters, judged.problem, rough))
         yield SATURATES if switches_ends(judged.problem, record) and not is_sensible else ONE_END
-    if law is None and stays_within_limits(judged.problem, record):
+    if any(stays_within_limits(judged.problem, record, index) for index, law in enumerate(laws) if law is None):
         yield OWN_LIMIT
-    if law is not None and not law.integral and rests_beside_target(record):
+    if exact is not None and not any(law.integral for law in exact) and rests_beside_target(record):
         yield HANGS
+    still = np.flatnonzero(np.ptp(record.asked, axis=0) == 0).tolist()
+    if len(record.time_s) > 1:
+        yield from (STILL.format(name=name_actuator(judged.problem.model, index)) for index in still)
 
 
-def find_in_law(parameters: ControllerParameters, problem: Problem, record: Record, law: FittedLaw) -> Iterator[str]:
-    """Yields what is wrong with a law that fits to rounding."""
+def fit_roughly(
+    parameters: ControllerParameters, record: Record, track: int, laws: Sequence[FittedLaw | None]
+) -> Laws | None:
+    """Returns the laws, and in place of those that are not known some that fit roughly; None where one has none."""
+    if None not in laws:
+        rough = tuple(laws)
+    else:
+        fitted = fit_laws(record, track=track, has_target=parameters.has_target, fits=ROUGH)
+        rough = tuple(law or other for law, other in zip(laws, fitted, strict=True))
+    return rough if are_all_known(rough) else None
+
+
+def find_in_law(parameters: ControllerParameters, problem: Problem, record: Record, laws: Laws) -> Iterator[str]:
+    """Yields what is wrong with laws that fit to rounding."""
     track = find_columns(parameters, problem)[parameters.track]
-    if law.stale:
+    if any(law.stale for law in laws):
         yield STALE
-    if law.differentiates and any(record.episode.noise.values()):
+    if any(law.differentiates for law in laws) and any(record.episode.noise.values()):
         yield NOISE
-    yield from find_wrong_load(law)
-    if are_shares(parameters, problem, law):
+    yield from find_wrong_load(laws)
+    if are_shares(parameters, problem, laws):
         yield SHARES
-    yield from find_swapped(parameters, problem, law)
-    yield from find_wrong_gains(parameters, problem, law)
-    if law.integral * law.gains[track] > 0 and measure_shares(record, law)[track] > SAME:
+    if are_exchanged(parameters, problem, laws):
+        yield EXCHANGED.format(names=", ".join(name_actuator(problem.model, i) for i in range(len(laws))))
+    yield from find_swapped(parameters, problem, laws)
+    yield from find_wrong_gains(parameters, problem, laws)
+    main = laws[find_gain(laws, track)[0]]
+    if main.integral * main.gains[track] > 0 and measure_shares(record, main)[track] > SAME:
         yield SUM_SIGN
-    if sums_steps(parameters, record, law, track):
+    if sums_steps(parameters, record, main, track):
         yield SUM_OF_STEPS
-    if law.integral and find_beyond(problem, record) > 0.05:
+    if any(law.integral and find_beyond(problem, record, index) > 0.05 for index, law in enumerate(laws)):
         yield WIND_UP
 
 
@@ -215,51 +251,91 @@ def sums_steps(parameters: ControllerParameters, record: Record, law: FittedLaw,
     return bool(abs(law.integral) * (record.time_s[1] - record.time_s[0]) > QUICK * abs(gain))
 
 
-def find_wrong_load(law: FittedLaw) -> Iterator[str]:
-    """Yields what is wrong with the term that carries gravity."""
-    if law.gravity < 0:
+def find_wrong_load(laws: Sequence[FittedLaw]) -> Iterator[str]:
+    """Yields what is wrong with the terms that carry gravity."""
+    if any(law.gravity < 0 for law in laws):
         yield GRAVITY_SIGN
-    elif law.gravity > 1.5:
+    elif any(law.gravity > 1.5 for law in laws):
         yield GRAVITY_TWICE
 
 
-def find_swapped(parameters: ControllerParameters, problem: Problem, law: FittedLaw) -> Iterator[str]:
+def are_exchanged(parameters: ControllerParameters, problem: Problem, laws: Laws) -> bool:
+    """Whether each control follows the joints of other actuators, and not its own. It is asked of two joints or more
+    whose readings are used: one alone may be meant to act on another, as a cart does on its pole."""
+    columns, model = find_columns(parameters, problem), problem.model
+    actuators = {find_dof(model, actuator): actuator for actuator in range(model.nu)}
+    owners: set[int] = set()
+    for name in parameters.observe:
+        sensor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)
+        if sensor < 0 or model.sensor_type[sensor] not in READS_JOINTS:
+            continue
+        owner = actuators.get(int(model.jnt_dofadr[model.sensor_objid[sensor]]))
+        user, gain = find_gain(laws, columns[name])
+        if owner is None or not gain or not np.isfinite(gain):
+            continue
+        own = abs(laws[owner].gains[columns[name]]) / laws[owner].size
+        if owner == user or own > PLAIN * abs(gain) / laws[user].size:
+            return False
+        owners.add(owner)
+    return len(owners) > 1
+
+
+def name_actuator(model: mujoco.MjModel, actuator: int) -> str:
+    """Returns the name of an actuator, or its place where it has none."""
+    return model.actuator(actuator).name or f"actuator {actuator}"
+
+
+def find_swapped(parameters: ControllerParameters, problem: Problem, laws: Laws) -> Iterator[str]:
     """Yields the two observed numbers whose gains are both wrong, and all sensible were the one the other. One wrong
     gain alone is too large, too small or of the wrong sign, also where the other one could have it."""
     columns = find_columns(parameters, problem)
-    wrong = [name for name, what in classify_gains(parameters, problem, law).items() if what]
+    wrong = [name for name, what in classify_gains(parameters, problem, laws).items() if what]
     for one, other in combinations(wrong, 2):
-        gains, pair = law.gains.copy(), [columns[one], columns[other]]
-        gains[pair] = gains[pair[::-1]]
-        if np.isfinite(gains[pair]).all() and not any(find_wrong_gains(parameters, problem, replace(law, gains=gains))):
+        pair = [columns[one], columns[other]]
+        changed = tuple(replace(law, gains=exchange(law.gains, pair)) for law in laws)
+        are_known = all(np.isfinite(law.gains[pair]).all() for law in laws)
+        if are_known and not any(find_wrong_gains(parameters, problem, changed)):
             yield SWAPPED.format(one=one, other=other)
 
 
+def exchange(gains: Floats, pair: list[int]) -> Floats:
+    """Returns the gains with two of them exchanged."""
+    changed = gains.copy()
+    changed[pair] = changed[pair[::-1]]
+    return changed
+
+
 def find_in_rough_law(
-    parameters: ControllerParameters, problem: Problem, record: Record, rough: FittedLaw
-) -> Iterator[str]:
-    """Yields the wrong signs of a law that fits only roughly, and what it does not use although it moves a lot."""
-    if rough.differentiates:  # a gain on changes makes up for one on values
+    parameters: ControllerParameters, problem: Problem, record: Record, laws: Laws
+) -> Iterator[str]:  # fmt: skip
+    """Yields the wrong signs of laws that fit only roughly, and what they do not use although it moves a lot."""
+    if any(law.differentiates for law in laws):  # a gain on changes makes up for one on values
         return
-    columns, moves = find_columns(parameters, problem), measure_shares(record, rough)
-    certain = [SIGN.format(name=name) for name in parameters.law if moves[columns[name]] > PLAIN]
+    columns, certain, most = find_columns(parameters, problem), list[str](), record.asked.std(axis=0).max()
     for name, allowed in parameters.law.items():
-        least = min(abs(allowed.low), abs(allowed.high)) * record.observed[:, columns[name]].std()
-        if least > UNUSED * record.asked[:, 0].std():
+        column = columns[name]
+        if measure_shares(record, laws[find_gain(laws, column)[0]])[column] > PLAIN:
+            certain.append(SIGN.format(name=name))
+        least = min(abs(allowed.low), abs(allowed.high)) * record.observed[:, column].std()
+        if least > UNUSED * most:
             certain += [MISSING.format(name=name), MISSING_HERE.format(name=name)]
     hardly = {MISSING.format(name=name): HARDLY.format(name=name) for name in parameters.law}
-    for sentence in find_wrong_gains(parameters, problem, rough):
+    for sentence in find_wrong_gains(parameters, problem, laws):
         if sentence in certain:
             yield hardly.get(sentence, sentence)
 
 
-def aims_in_degrees(parameters: ControllerParameters, problem: Problem, record: Record, law: FittedLaw | None) -> bool:
+def aims_in_degrees(
+    parameters: ControllerParameters, problem: Problem, record: Record, laws: Laws | None
+) -> bool:  # fmt: skip
     """Whether a law with sensible gains on what is observed vanishes at rest where the target would be, were its number
     one of degrees, or turned into radians once more."""
-    columns = find_columns(parameters, problem)
-    gain = 0.0 if law is None else float(law.gains[columns[parameters.track]])
-    if law is None or not parameters.has_target or not gain or any(find_wrong_gains(parameters, problem, law)):
+    if laws is None or not parameters.has_target:
         return False
+    index, gain = find_gain(laws, find_columns(parameters, problem)[parameters.track])
+    if not gain or any(find_wrong_gains(parameters, problem, laws)):
+        return False
+    law = laws[index]
     aims = -(law.constant + np.nan_to_num(law.gains[-1]) * record.target) / gain
     return any(
         bool(np.all(np.abs(aims - wanted) <= NEAR * np.abs(wanted)))
@@ -268,9 +344,8 @@ def aims_in_degrees(parameters: ControllerParameters, problem: Problem, record: 
 
 
 def measure_shares(record: Record, law: FittedLaw) -> Floats:
-    """Returns how much of the controls each observed number moves, by standard deviations."""
-    moved = record.observed.std(axis=0) * np.nan_to_num(np.abs(law.gains))
-    return np.asarray(moved / record.asked[:, 0].std())
+    """Returns how much of a control each observed number moves, by standard deviations."""
+    return np.asarray(record.observed.std(axis=0) * np.nan_to_num(np.abs(law.gains)) / law.size)
 
 
 def rests_beside_target(record: Record) -> bool:
@@ -283,63 +358,87 @@ def rests_beside_target(record: Record) -> bool:
     return bool(np.ptp(target) == 0 and error > RESTS * way and np.ptp(tracked) < RESTS * error)
 
 
-def stays_within_limits(problem: Problem, record: Record) -> bool:
-    """Whether the first control is most of the time at one of its extremes, which is within the actuator's limits."""
-    low, high = problem.model.actuator_ctrlrange[0]
-    asked = record.asked[:, 0]
+def stays_within_limits(problem: Problem, record: Record, control: int) -> bool:
+    """Whether a control is most of the time at one of its extremes, which is within the actuator's limits."""
+    low, high = problem.model.actuator_ctrlrange[control]
+    asked = record.asked[:, control]
     ends = [end for end in (asked.min(), asked.max()) if low < end < high]
-    return bool(problem.model.actuator_ctrllimited[0]) and any(np.mean(asked == end) > SATURATED for end in ends)
+    is_limited = bool(problem.model.actuator_ctrllimited[control])
+    return is_limited and any(np.mean(asked == end) > SATURATED for end in ends)
 
 
-def find_beyond(problem: Problem, record: Record) -> float:
-    """Returns the share of time in which the controls are beyond an actuator's limit. A law with a sum that fits these
+def find_beyond(problem: Problem, record: Record, control: int) -> float:
+    """Returns the share of time in which a control is beyond its actuator's limit. A law with a sum that fits these
     moments too has not stopped the sum there; of a script that clips its own controls this is not known."""
-    model = problem.model
-    low, high = model.actuator_ctrlrange.T
-    beyond = (record.asked > high) | (record.asked < low)
-    return float(np.mean((beyond & model.actuator_ctrllimited.astype(bool)).any(axis=1)))
+    low, high = problem.model.actuator_ctrlrange[control]
+    asked = record.asked[:, control]
+    is_limited = bool(problem.model.actuator_ctrllimited[control])
+    return float(np.mean((asked > high) | (asked < low))) if is_limited else 0.0
 
 
-def find_wrong_gains(parameters: ControllerParameters, problem: Problem, law: FittedLaw) -> Iterator[str]:
+def find_gain(laws: Laws, column: int) -> tuple[int, float]:
+    """Returns the control that follows an observed number most, as a share of what moves it, and its gain; nan where
+    that number stayed constant for one of them."""
+    gains = np.array([law.gains[column] for law in laws])
+    user = int(np.nan_to_num(np.abs(gains) / [law.size for law in laws]).argmax())
+    return user, float(gains[user]) if np.isfinite(gains).all() else np.nan
+
+
+def find_wrong_gains(parameters: ControllerParameters, problem: Problem, laws: Laws) -> Iterator[str]:
     """Yields what is wrong with the gains, by the ranges of the author's `law`."""
     columns = find_columns(parameters, problem)
-    gains = {name: float(law.gains[columns[name]]) for name in parameters.law}
-    found = classify_gains(parameters, problem, law)
+    gains = {name: find_gain(laws, columns[name])[1] for name in parameters.law}
+    found = classify_gains(parameters, problem, laws)
     if sum(not what for what in found.values()) < 2:  # small gains alone are no angles in radians
         small = {name for name, gain in gains.items() if abs(gain) < min(map(abs, parameters.law[name]))}
         found = {name: LITTLE if name in small and what == DEGREES else what for name, what in found.items()}
+    is_summed = any(law.integral for law in laws)
     for template in (SIGN, DEGREES, MISSING, LARGE, LITTLE):
         for name, what in found.items():
-            if template == MISSING and law.integral and name == parameters.track:  # its error is summed
+            if template == MISSING and is_summed and name == parameters.track:  # its error is summed
                 continue
             if what == template:
                 is_limited = template == MISSING and name == parameters.track and parameters.has_target
                 yield (MISSING_HERE if is_limited else template).format(name=name)
 
 
-def are_shares(parameters: ControllerParameters, problem: Problem, law: FittedLaw) -> bool:
+def are_shares(parameters: ControllerParameters, problem: Problem, laws: Laws) -> bool:
     """Whether several gains are far too small, and sensible times the largest control of the actuator; and what
     carries gravity is not in its unit already."""
     columns, model = find_columns(parameters, problem), problem.model
-    gains = {name: float(law.gains[columns[name]]) for name in parameters.law}
-    known = {name: gain for name, gain in gains.items() if np.isfinite(gain) and name != "target"}
-    most = float(np.abs(model.actuator_ctrlrange[0]).max())
-    if not model.actuator_ctrllimited[0] or most <= FAR or law.gravity > OWN_GRAVITY:
-        return False
-    small = [name for name, gain in known.items() if abs(gain) < min(map(abs, parameters.law[name]))]
+    gains = {name: find_gain(laws, columns[name]) for name in parameters.law if name != "target"}
+    known = {name: (user, gain) for name, (user, gain) in gains.items() if np.isfinite(gain)}
+    most = np.abs(model.actuator_ctrlrange).max(axis=1)
+    for user, _ in known.values():
+        if not model.actuator_ctrllimited[user] or most[user] <= FAR or laws[user].gravity > OWN_GRAVITY:
+            return False
+    small = [name for name, (_, gain) in known.items() if abs(gain) < min(map(abs, parameters.law[name]))]
     return len(small) > 1 and not any(
-        classify_gain(most * gain, *parameters.law[name], differentiated=law.differentiates)
-        for name, gain in known.items()
+        classify_gain(most[user] * gain, *parameters.law[name], differentiated=laws[user].differentiates)
+        for name, (user, gain) in known.items()
     )
 
 
-def classify_gains(parameters: ControllerParameters, problem: Problem, law: FittedLaw) -> dict[str, str]:
-    """Returns the sentence of each gain, as `classify_gain`, by the ranges of the author's `law`."""
+def classify_gains(parameters: ControllerParameters, problem: Problem, laws: Laws) -> dict[str, str]:
+    """Returns the sentence of each gain, as `judge_gain`, by the ranges of the author's `law`."""
     columns = find_columns(parameters, problem)
-    return {
-        name: classify_gain(float(law.gains[columns[name]]), *allowed, differentiated=law.differentiates)
-        for name, allowed in parameters.law.items()
-    }
+    return {name: judge_gain(laws, columns[name], *allowed) for name, allowed in parameters.law.items()}
+
+
+def judge_gain(laws: Laws, column: int, low: float, high: float) -> str:
+    """Returns the sentence that is true of the gains of every control that follows an observed number a good deal;
+    empty if there is none. That it is missing is true where no control follows it."""
+    gains = np.array([law.gains[column] for law in laws])
+    if not np.isfinite(gains).all():
+        return ""
+    shares = np.abs(gains) / [law.size for law in laws]
+    found = [classify_gain(gain, low, high, differentiated=law.differentiates)
+             for gain, law in zip(gains.tolist(), laws, strict=True)]  # fmt: skip
+    users = [
+        what for what, share in zip(found, shares, strict=True) if share >= PLAIN * shares.max() and what != MISSING
+    ]
+    told = {*(users or found)}
+    return told.pop() if len(told) == 1 else ""
 
 
 def classify_gain(gain: float, low: float, high: float, *, differentiated: bool) -> str:

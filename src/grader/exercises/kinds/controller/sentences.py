@@ -54,6 +54,11 @@ SUM_OF_STEPS = (
     "you add it."
 )
 SWAPPED = "The controls take {one} for {other}: mind the order of what is observed."
+EXCHANGED = (
+    "Each control follows the joint of another actuator, and not its own: return the controls in the order of the "
+    "model's actuators, {names}."
+)
+STILL = "The control of {name} never changes: where its joint must move, compute it from what is observed."
 GRAVITY_SIGN = (
     "The term that should carry gravity has the wrong sign: it pulls as gravity does. `data.qfrc_bias` is what holds "
     "the model still: add it."
