@@ -21,11 +21,12 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from grader.domain.verdict import Status, Verdict
-from grader.exercises import plan_exercise
+from grader.exercises import JudgedTrial, plan_exercise
 from grader.exercises.episodes.simulating import EpisodeRun
 from grader.exercises.film import FRAMES_MAX
 from grader.exercises.kinds.policy import variants
 from grader.exercises.kinds.policy.judge import RefusedFile, SimulatedPolicy, judge_policy
+from grader.exercises.kinds.policy.mistakes import name_the_mistake
 from grader.exercises.kinds.policy.network import ACTIVATIONS, Network
 from grader.exercises.kinds.policy.parameters import PolicyParameters
 from grader.exercises.rehearsing import check_exercise
@@ -211,6 +212,30 @@ def test_an_untrained_network_is_not_told_a_mistake_that_it_does_not_make(pipeli
         )
         assert verdict.status is Status.INCORRECT
         assert not any((verdict.diagnosis or "").startswith(start) for start in starts), verdict.diagnosis
+
+
+def test_units_that_are_dead_in_some_episodes_alone_hide_no_transposed_weights() -> None:
+    """Of the sled on one side every unit is 0, whose weights work once they are transposed."""
+    xml = XML.replace("</sensor>", '<jointvel name="speed" joint="rail"/></sensor>').replace("-2 2", "-20 20")
+    question = ask(
+        program=None, observe=["place", "speed"], goals=[{"goal": "error", "from_s": 3, "max": 0.02}],
+        form={"kind": "mlp", "hidden": [2], "activation": "relu", "actions": "controls"},
+        cases=[{"id": "some", "episodes": 8, "share": 1, "start": {"rail": [-0.5, 0.5]}}],
+    )  # fmt: skip
+    plan = plan_exercise(question, lambda name: xml, SEED)
+    (trial,), parameters = plan.trials, plan.parameters
+    assert isinstance(parameters, PolicyParameters)
+
+    def diagnose(first: np.ndarray[Any, Any]) -> str | None:
+        weights = np.concatenate([part.ravel() for part in (first, np.zeros(2), np.array([1.0, -1.0]), np.zeros(1))])
+        judged = judge_policy(parameters, trial, {"weights": weights})
+        return None if judged.passed else name_the_mistake(parameters, [JudgedTrial(trial, judged, counts=False)])
+
+    right = np.array([[-40.0, 40.0], [-12.0, 12.0]])
+    assert diagnose(right) is None
+    assert (diagnose(right.T) or "").startswith("The policy works with W1 transposed")
+    assert "dead units" not in (diagnose(np.array([[-40.0, 12.0], [40.0, -12.0]])) or "")
+    assert "dead units" in (diagnose(np.zeros((2, 2))) or "")
 
 
 def test_a_network_computes_what_its_form_says() -> None:

@@ -18,9 +18,6 @@ from grader.exercises.kinds.policy.variants import Variant, list_variants
 
 Judged = JudgedTrial[Problem, Any]
 
-EPISODES_READ = 4
-"""Failed episodes of each case whose layers are looked at."""
-
 SATURATED = 0.8
 """The share of time at the actuators' limits that counts as nearly always."""
 
@@ -61,16 +58,17 @@ def name_the_mistake(parameters: PolicyParameters, judged: Sequence[Judged]) -> 
     failed = [(trial, outcome) for trial in wrong if isinstance(outcome := trial.judgement.outcome, SimulatedPolicy)]
     if not failed or len(failed) < len(wrong):
         return None
-    for _, outcome in failed:
-        for record in outcome.list_failed()[:EPISODES_READ]:
-            if (sentence := explain_layers(outcome.network, record)) is not None:
-                return sentence
+    records = [(outcome.network, record) for _, outcome in failed for record in outcome.list_failed()]
+    if not all(np.isfinite(record.asked).all() for _, record in records):
+        return OVERFLOWS
     if (variant := find_variant(parameters, judged)) is not None:
         return variant.sentence
+    found = {explain_layers(network, record) for network, record in records}
+    if len(found) == 1 and (sentence := found.pop()) is not None:
+        return sentence
     visible = [trial for trial in judged if not trial.hidden]
-    if visible and all(trial.counts for trial in visible):
-        return TUNED
-    return explain_motion(*failed[0])
+    is_tuned = bool(visible) and all(trial.counts for trial in visible)
+    return TUNED if is_tuned else explain_motion(*failed[0])
 
 
 def explain_motion(judged: Judged, outcome: SimulatedPolicy) -> str | None:
@@ -86,9 +84,9 @@ def explain_motion(judged: Judged, outcome: SimulatedPolicy) -> str | None:
 
 
 def explain_layers(network: Network, record: Record) -> str | None:
-    """Returns what is wrong with a policy whose layers do not respond to what was observed."""
-    if not np.isfinite(record.asked).all():
-        return OVERFLOWS
+    """Returns what is wrong with a policy whose layers do not respond to what was observed in an episode. Weights that
+    another convention would read otherwise, such as transposed ones, do so in some episodes too: it must hold in
+    all."""
     rows = len(record.time_s)
     *hidden, _ = network.list_activations(record.observed)
     for layer, values in enumerate(hidden, 1):
