@@ -13,7 +13,8 @@ from grader.exercises.kind import JudgedTrial, Mistake
 from grader.exercises.kinds.model import matching, measuring
 from grader.exercises.kinds.model.judge import ModelOutcome
 from grader.exercises.kinds.model.parameters import Problem
-from grader.exercises.kinds.model.variants import Variant, list_variants
+from grader.exercises.kinds.model.reference_tree import Variant
+from grader.exercises.kinds.model.variants import list_variants
 from grader.exercises.kinds.model.xml_faults import PLAIN
 
 DRIVER = 'exec(codes["measuring"])\nexec(codes["matching"])\n'

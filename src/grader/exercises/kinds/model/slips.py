@@ -20,6 +20,7 @@ ADVICE = {
     "density": ": MuJoCo's default is that of water, 1000 kg/m^3", "pos": ": MuJoCo's default is 0 0 0",
     "quat": "", "euler": "", "axisangle": "", "friction": "", "contype": "", "conaffinity": "", "condim": "",
     "solref": "", "gravcomp": "", "axis": ": MuJoCo's default is 0 0 1", "margin": "",
+    "polycoef": ": MuJoCo's default is 0 1 0 0 0",
 }  # fmt: skip
 """Attributes that are left out, with what follows from it."""
 
@@ -171,6 +172,31 @@ def swap_ends(name: str) -> Change:
 def shift(name: str, by: Sequence[float]) -> Change:
     """Adds to the numbers of an attribute."""
     return rewrite(name, lambda numbers: [a + b for a, b in zip(numbers, by, strict=False)], default="0 0 0")
+
+
+def stretch(element: ET.Element) -> bool:
+    """Moves both ends of a fromto away from their middle, so that it is twice as long: what a full length in place of
+    the half one makes of a geom whose pos is right."""
+    return rewrite(
+        "fromto", lambda ends: [1.5 * a - 0.5 * b for a, b in zip(ends, ends[3:] + ends[:3], strict=True)]
+    )(element)  # fmt: skip
+
+
+def invert_ratio(element: ET.Element) -> bool:
+    """Writes one over the ratio of two joints: the second number of a polycoef."""
+    return rewrite("polycoef", lambda numbers: [numbers[0], 1 / numbers[1], *numbers[2:]])(element)
+
+
+def rename_to(name: str, other: str, value: str) -> Change:
+    """Sets another attribute in place of one."""
+
+    def edit(element: ET.Element) -> bool:
+        if element.attrib.pop(name, None) is None:
+            return False
+        element.set(other, value)
+        return True
+
+    return edit
 
 
 def scale_angles(factor: float, only: str = "") -> Change:

@@ -1,18 +1,16 @@
 """Variants of a reference, each with one mistake that people make in MJCF. Each edits the text of the author's own
 model, so that what a mistake gives is measured and not guessed."""
 
-import copy
-import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from itertools import combinations
 from math import pi
 
+from grader.exercises.kinds.model.connections import vary_connections, vary_contacts
+from grader.exercises.kinds.model.reference_tree import TENDONS, Reference, Variant
 from grader.exercises.kinds.model.slips import (
     ADVICE,
     AXES,
     SHAPES,
-    Change,
     become,
     change_axis,
     do_all,
@@ -26,19 +24,18 @@ from grader.exercises.kinds.model.slips import (
     put,
     put_into,
     read,
-    remove_hidden,
     rename,
     rename_element,
     rotate,
     scale_angles,
     shift,
     shift_inertia,
+    stretch,
     swap_ends,
     turn_back,
     widen_range,
 )
 
-Element = ET.Element
 LENGTHS = ("pos", "size", "fromto")
 ANGLES = {
     "range": "The range of every joint that turns", "ref": "Every ref", "springref": "Every springref",
@@ -70,94 +67,12 @@ EXCHANGED = {
 """Attributes whose values two elements of one tag may have exchanged."""
 
 
-@dataclass(frozen=True)
-class Variant:
-    """A model with one mistake, the sentence for who makes it, and the element that it is about, if it is one."""
-
-    xml: str
-    sentence: str
-    tag: str = ""
-    name: str = ""
-
-
-class Reference:
-    """The reference as a tree, whose elements are known by their place."""
-
-    def __init__(self, text: str) -> None:
-        self.root = ET.fromstring(text)  # noqa: S314 - the author's own file
-        self.elements = list(self.root.iter())
-        self.parents = {child: parent for parent in self.elements for child in parent}
-
-    def find(self, *tags: str) -> list[Element]:
-        """Returns the elements of these tags, in the order of the text."""
-        return [element for element in self.elements if element.tag in tags]
-
-    def label(self, element: Element) -> str:
-        """Returns what an element is called in a sentence: by its name, or by the body that it is in."""
-        if name := element.get("name"):
-            return f'the {element.tag} "{name}"'
-        body = self.parents.get(element)
-        if body is not None and body.tag == "body" and body.get("name"):
-            return f'the {element.tag} of the body "{body.get("name")}"'
-        if element.tag == "inertial" or body is None:
-            return f"the {element.tag}"
-        joint = element.get("joint") or element.get("tendon") or element.get("site")
-        return f'the {element.tag} on "{joint}"' if joint else f"a {element.tag}"
-
-    def edit(self, change: Change, elements: Sequence[Element], sentence: str) -> Iterator[Variant]:
-        """Yields the model with a change of all of these elements, if there was something to change."""
-        places = [self.elements.index(element) for element in elements]
-        root = copy.deepcopy(self.root)
-        edited = list(root.iter())
-        done = [change(edited[place]) for place in places]
-        if any(done):
-            remove_hidden(root)
-            only = elements[0] if len(elements) == 1 else None
-            named = ("", "") if only is None else (only.tag, only.get("name", ""))
-            yield Variant(ET.tostring(root, encoding="unicode"), sentence, *named)
-
-    def exchange(self, name: str, one: Element, other: Element) -> Iterator[Variant]:
-        """Yields the model in which two elements have each the other's value of an attribute, if these differ."""
-        mine, its = one.get(name), other.get(name)
-        if mine is None or its is None or mine == its:
-            return
-        root = copy.deepcopy(self.root)
-        edited = list(root.iter())
-        for element, value in ((one, its), (other, mine)):
-            edited[self.elements.index(element)].set(name, value)
-        sentence = f"The {name} of {self.label(one)} and that of {self.label(other)} are exchanged."
-        yield Variant(ET.tostring(root, encoding="unicode"), sentence, one.tag, one.get("name", ""))
-
-    def move_up(self, body: Element, by: Sequence[float]) -> str:
-        """Returns the text in which a body hangs on the parent of its parent, its pos moved by these numbers."""
-        root = copy.deepcopy(self.root)
-        edited = list(root.iter())
-        parents = {child: element for element in edited for child in element}
-        moved = edited[self.elements.index(body)]
-        parents[moved].remove(moved)
-        parents[parents[moved]].append(moved)
-        shift("pos", by)(moved)
-        return ET.tostring(root, encoding="unicode")
-
-    def edit_each(self, change: Change, elements: Sequence[Element], sentence: str) -> Iterator[Variant]:
-        """Yields the model with a change of each element alone; `{}` of the sentence becomes what it is called."""
-        for element in elements:
-            filled = sentence.format(self.label(element))
-            yield from self.edit(change, [element], filled[0].upper() + filled[1:])
-
-    def edit_both(self, change: Change, elements: Sequence[Element], sentence: str, each: str) -> Iterator[Variant]:
-        """Yields the model with a change of all elements at once, and of each alone."""
-        if len(elements) > 1:
-            yield from self.edit(change, elements, sentence)
-        yield from self.edit_each(change, elements, each)
-
-
 def list_variants(text: str) -> Iterator[Variant]:
     """Yields the variants of a reference, the more frequent mistakes first."""
     reference = Reference(text)
     for family in (
-        vary_angles, vary_options, vary_joints, vary_masses, vary_sizes, vary_actuators, vary_missing, vary_tree,
-        vary_shapes, vary_exchanged, vary_sensors, vary_places,
+        vary_angles, vary_options, vary_joints, vary_masses, vary_sizes, vary_actuators, vary_missing,
+        vary_connections, vary_contacts, vary_tree, vary_shapes, vary_exchanged, vary_sensors, vary_places,
     ):  # fmt: skip
         yield from family(reference)
 
@@ -309,6 +224,17 @@ def vary_sizes(reference: Reference) -> Iterator[Variant]:
         ):
             yield from reference.edit_each(multiply("size", factor, at), some, sentence)
     yield from reference.edit_each(multiply("size", 0.5), geoms, "The size of {} is half of what was asked for.")
+    long = [geom for geom in geoms if "fromto" in geom.attrib]
+    yield from reference.edit_both(
+        stretch, long, "Every geom is twice as long as was asked for: a size has half of the length, fromto all of it.",
+        "{} is twice as long as was asked for: a size has half of the length, fromto all of it.",
+    )  # fmt: skip
+    if long:
+        yield from reference.edit_both(
+            do_all([multiply("size", 2), stretch]), geoms,
+            "Every size is the full one: MuJoCo's sizes are radii and half lengths.",
+            "The size of {} is the full one: MuJoCo's sizes are radii and half lengths.",
+        )  # fmt: skip
     yield from reference.edit(
         do_all([multiply(name, 1000) for name in LENGTHS]), reference.elements,
         "Every length is in millimetres: MuJoCo's unit is the metre.",
@@ -365,9 +291,10 @@ def vary_missing(reference: Reference) -> Iterator[Variant]:
     free = reference.find("freejoint")
     if len(free) > 1:
         yield from reference.edit(hide, free, "No body has its freejoint, so that nothing can move them.")
-    for element in reference.find("joint", "freejoint", "exclude", "connect", "weld", "fixed"):
+    for element in (*reference.find("joint", "freejoint", "exclude", *TENDONS), *reference.find_in("equality")):
         sentence = f"{reference.label(element)} is missing."
-        yield from reference.edit(hide, [element], sentence[0].upper() + sentence[1:])
+        uses = reference.find_uses(element) if element.tag in TENDONS else []
+        yield from reference.edit(hide, [element, *uses], sentence[0].upper() + sentence[1:])
 
 
 def vary_tree(reference: Reference) -> Iterator[Variant]:
