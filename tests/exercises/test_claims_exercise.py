@@ -443,6 +443,13 @@ def test_values_are_read_by_name_from_whatever_has_names(returned: Any) -> None:
     assert [to_numbers(value) for value in separated] == [1, 2]
 
 
+def test_a_decimal_is_told_to_be_converted() -> None:
+    plan = plan_exercise(pose(claims=[RATE]), lambda _: "", 1)
+    results = {"other0": np.frombuffer(b"Decimal('0.2')", np.uint8)}
+    told = "The function must return rate as a finite number: convert each Decimal by float(...) before you return it."
+    assert CLAIMS.judge(plan.parameters, plan.trials[0], results).message == told
+
+
 @pytest.mark.parametrize("value", [True, [True, Fraction(1)], "1", [1j], [object()], None, [Fraction(10) ** 400]])
 def test_what_is_no_number_is_read_as_none(value: Any) -> None:
     assert to_numbers(value) is None

@@ -159,9 +159,12 @@ def test_a_program_that_does_not_end_is_a_fault(tmp_path: Path, monkeypatch: pyt
 @pytest.mark.parametrize(
     ("body", "told"),
     [
-        ("    while s > 0:\n        s += 1\n", "missed does not end for them in time."),
-        ("    assert s < 0\n", "missed cannot be computed for them."),
-        ("    return float('nan') if s > 0 else 0.0\n", "missed cannot be computed for them."),
+        ("    while s > 0:\n        s += 1\n", "what remains when they are put into it does not end for them in time."),
+        ("    assert s < 0\n", "what remains when they are put into it cannot be computed for them."),
+        (
+            "    return float('nan') if s > 0 else 0.0\n",
+            "what remains when they are put into it cannot be computed for them.",
+        ),
     ],
 )
 def test_a_residual_that_cannot_be_computed_for_results_says_so(
@@ -175,6 +178,24 @@ def test_a_residual_that_cannot_be_computed_for_results_says_so(
     assert verdict.findings[0].message.startswith("Your results do not satisfy the exercise's own equation: ")
     assert told in verdict.findings[0].message
     assert "shape" not in verdict.model_dump_json()
+
+
+@pytest.mark.parametrize("title", [None, "the gap"])
+def test_of_a_residual_its_title_is_told_and_never_the_name_of_the_function(tmp_path: Path, title: str | None) -> None:
+    residual = {"function": "solves", "atol": 1e-9, **({"title": title} if title else {})}
+    library = load(folder(tmp_path, SOLVES, functions=[{**BY_RESIDUAL[0], "residual": residual}]))
+    text = judged(library, *[(1.0, 2.0)] * 4).model_dump_json()
+    assert f"{title or 'what remains when they are put into it'} should be 0 for them. Put the results" in text
+    assert "solves" not in text
+
+
+@pytest.mark.parametrize("given", ["(Decimal('5'), Decimal('6'))", "{'sum': Decimal('5'), 'product': Decimal('6')}"])
+def test_exact_numbers_are_told_to_be_converted(library: Library, given: str) -> None:
+    results = {"t0_other0": np.frombuffer(given.encode(), np.uint8)}
+    plan = plan_exercise(exercise(library), library.model_xml, 1, library.text)
+    verdict = judge_exercise(exercise(library), plan, RunReport(RunStatus.RETURNED, results=results))
+    told = "The function must return sum, product as finite numbers: convert each Decimal by float(...) before you"
+    assert verdict.findings[0].message.startswith(told)
 
 
 def test_of_hidden_calls_no_number_is_told(library: Library) -> None:

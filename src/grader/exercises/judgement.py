@@ -1,6 +1,7 @@
 """What a judge reads, and what it says of one trial. The judges in the folders `judging` of the kinds import this,
 NumPy, MuJoCo and `grader.numerics` alone: they also judge on the learner's own machine."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
@@ -54,6 +55,17 @@ class Judgement(Generic[Outcome]):
     review: str = ""
     parts: tuple[Part, ...] = ()
     crashed: bool = False
+
+
+EXACT = re.compile(r"\b(Decimal|Fraction|mpf)\(")
+"""How numbers begin, as text, that are numbers to Python and none to NumPy."""
+
+
+def tell_to_convert(text: str) -> str:
+    """Returns how a sentence on what is no finite number ends, from the text of what was returned: what to do where
+    that holds exact numbers, else nothing."""
+    exact = EXACT.search(text)
+    return f": convert each {exact[1]} by float(...) before you return it" if exact else ""
 
 
 def list_counting(judgements: Mapping[str, Judgement[Any]]) -> set[str]:

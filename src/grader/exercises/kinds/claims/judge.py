@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from grader.exercises.judgement import Judgement, Part, Results
+from grader.exercises.judgement import Judgement, Part, Results, tell_to_convert
 from grader.exercises.kinds.claims.measuring import MeasuredClaim, measure_claims
 from grader.exercises.kinds.claims.parameters import Claim, Floats, Problem
 
@@ -59,7 +59,7 @@ def compare(problem: Problem, claim: Claim, results: Results, index: int, measur
         text = other.tobytes()[:200].decode(errors="replace") or "nothing"
         wanted = {"number": "a finite number", "interval": "two finite numbers, low and high",
                   "curve": "a finite number for each x"}[claim.form]  # fmt: skip
-        why = f"The function must return {claim.name} as {wanted}."
+        why = f"The function must return {claim.name} as {wanted}{tell_to_convert(text)}."
         return ClaimComparison(claim, None, text, measured, why, f"It gave {text}.")
     count = problem.count_values(claim)
     if values.size != count:

@@ -8,6 +8,7 @@ from math import isfinite, isnan
 import mujoco
 import numpy as np
 
+from grader.exercises.judgement import tell_to_convert
 from grader.exercises.kinds.values.judging.driver import STATE, compile_model, note_changes, start_data
 from grader.exercises.kinds.values.student_call import StudentCall, is_given_by
 from grader.exercises.rules import find_sentence
@@ -28,6 +29,8 @@ def explain_unreadable_results(wrong: Sequence[StudentCall]) -> str | None:
     """Returns the sentence for results that cannot be read, from what the function returned first."""
     values = [next(iter(call.trace.returned_values), None) for call in wrong]
     first, names = values[0], [result.name for result in wrong[0].problem.function.results if result.field is None]
+    if tell_to_convert(wrong[0].comparison.answer.text):
+        return None  # the finding says what to do
     if first is None or not names or any(value is None or value.type != first.type for value in values):
         return None
     if first.type == "dict" and {*KEY.findall(wrong[0].comparison.answer.text)} == {*names}:

@@ -54,9 +54,11 @@ class Result(Strict):
 
 
 class Residual(Strict):
-    """A function of the author's program that gets a call's arguments, then its results, and must return about 0."""
+    """A function of the author's program that gets a call's arguments, then its results, and must return about 0.
+    `title` is what it computes, as learners are told."""
 
     function: str = Name
+    title: str | None = Field(default=None, min_length=1)
     atol: Positive
     unit: str = ""
 

@@ -5,11 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from grader.exercises.judgement import Judgement, Results
+from grader.exercises.judgement import Judgement, Results, tell_to_convert
 from grader.exercises.kinds.values.judging.driver import Rows, to_numbers
-from grader.exercises.kinds.values.judging.problem import Call, Problem, RanTooLong, Result
+from grader.exercises.kinds.values.judging.problem import Call, Problem, RanTooLong, Residual, Result
 
 ELEMENTS_SHOWN = 12
+
+UNSATISFIED = "Your results do not satisfy the exercise's own equation"
+CHECK = "Put the results of a call into that equation yourself, and look at which term is off."
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +110,8 @@ def compare(problem: Problem, call: Call, answer: Answer) -> CallComparison:
     """Compares the answer of one call with the author's program."""
     if answer.values is None:
         what = " and ".join(filter(None, (describe_returned(problem), describe_fields(problem))))
-        expected = problem.compute_expected(call)
-        return CallComparison(
-            call, answer, expected, f"The function must {what} as finite numbers.", f"it gave {answer.text}."
-        )
+        why = f"The function must {what} as finite numbers{tell_to_convert(answer.text)}."
+        return CallComparison(call, answer, problem.compute_expected(call), why, f"it gave {answer.text}.")
     expected = problem.compute_expected(call)
     shapes = problem.list_shapes(call) if expected is None else [right.shape for right in expected]
     for result, got, shape in zip(problem.function.results, answer.values, shapes, strict=True):
@@ -149,13 +150,18 @@ def compare_residual(problem: Problem, call: Call, answer: Answer, values: tuple
         raise
     except Exception as error:  # the author's own function, over results that it does not foresee
         how = "does not end for them in time" if isinstance(error, RanTooLong) else "cannot be computed for them"
-        why = f"Your results do not satisfy the exercise's own equation: {residual.function} {how}."
+        why = f"{UNSATISFIED}: {name_remainder(residual)} {how}. Look for a result that can be no solution, such as 0."
         return CallComparison(call, answer, None, why, f"{type(error).__name__}: {error}.")
     if size <= residual.atol:
         return CallComparison(call, answer, None, "", residual=size)
     detail = f"it is {size:.3g}{prefix_unit(residual.unit)}; {residual.atol:g}{prefix_unit(residual.unit)} is allowed."
-    why = f"Your results do not satisfy the exercise's own equation: {residual.function} should be 0 for them."
+    why = f"{UNSATISFIED}: {name_remainder(residual)} should be 0 for them. {CHECK}"
     return CallComparison(call, answer, None, why, detail, size)
+
+
+def name_remainder(residual: Residual) -> str:
+    """Returns what must vanish, as the author calls it. The name of a function tells learners nothing."""
+    return residual.title or "what remains when they are put into it"
 
 
 def compute_residual(problem: Problem, call: Call, values: tuple[Rows, ...]) -> float:
@@ -164,5 +170,5 @@ def compute_residual(problem: Problem, call: Call, values: tuple[Rows, ...]) -> 
     assert residual is not None
     rest = problem.compute_remainder(call, values)
     if rest is None or not rest.size:
-        raise ValueError(f"{residual.function} must return finite numbers")
+        raise ValueError("it is not finite")
     return find_largest(rest)

@@ -33,6 +33,9 @@ class Residual(Protocol):
     def function(self) -> str: ...  # noqa: D102
 
     @property
+    def title(self) -> str | None: ...  # noqa: D102
+
+    @property
     def atol(self) -> float: ...  # noqa: D102
 
     @property

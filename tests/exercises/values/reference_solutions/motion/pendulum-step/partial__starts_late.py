@@ -1,4 +1,4 @@
-# diagnosis: Your results do not satisfy the exercise's own equation: not_turning_evenly should be 0
+# diagnosis: Your results do not satisfy the exercise's own equation: the turn beside an even one should be 0
 import mujoco
 import numpy as np
 
