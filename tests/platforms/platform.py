@@ -66,6 +66,8 @@ class Platform:
     """What the configuration says otherwise than it should."""
     tool_keys: Any = None
     scores: list[dict[str, Any]] = field(default_factory=list)
+    taken: list[tuple[str, str, Any]] = field(default_factory=list)
+    """Column, user and points of each score."""
     services: str = ""
     """The origin of the services for tools, where it is not that of the pages."""
 
@@ -141,16 +143,20 @@ class Platform:
             return JSONResponse({"id": "x", "context": {"id": "context-1"}, "members": members}, headers=headers)
 
         @app.post("/lineitem/scores")
-        async def take_score(request: Request) -> Response:
+        @app.post("/columns/{column}/scores")
+        async def take_score(request: Request, column: str = "") -> Response:
             self.require(request, f"{AGS_SCOPE}score")
             assert request.headers["content-type"] == "application/vnd.ims.lis.v1.score+json"
             self.scores.append(await request.json())
+            self.taken.append((column, self.scores[-1]["userId"], self.scores[-1]["scoreGiven"]))
             return Response(status_code=200)
 
         @app.get("/lineitem/results")
-        def results(request: Request, user_id: str = "") -> list[dict[str, Any]]:
+        @app.get("/columns/{column}/results")
+        def results(request: Request, column: str = "", user_id: str = "") -> list[dict[str, Any]]:
             self.require(request, f"{AGS_SCOPE}result.readonly")
-            theirs = [score for score in self.scores if score["userId"] == user_id]
+            theirs = [score for score, (at, user, _) in zip(self.scores, self.taken, strict=True)
+                      if (at, user) == (column, user_id)]  # fmt: skip
             return [{"userId": user_id, "resultScore": one["scoreGiven"], "resultMaximum": one["scoreMaximum"]}
                     for one in theirs[-1:]]  # fmt: skip
 

@@ -21,7 +21,7 @@ from grader.platforms.sending.scores import FindTarget, Scores
 from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.store.engine.database import Database
-from grader.store.outbox import SCORES
+from grader.store.outbox import SCORES, Delivery
 from platforms.profiles import place
 from platforms.receivers import HERE
 
@@ -43,8 +43,8 @@ def sender_of(database: Database, targets: FindTarget) -> Scores:
 def to(platform: Platform, container: str) -> FindTarget:
     """Every score to one platform, where learners have the same ids."""
 
-    def target(_session: Session, _course: str, learner: str, quiz: str, question: str) -> ScoreTarget:
-        return place(platform, container, learner, f"{quiz}/{question}")
+    def target(_session: Session, row: Delivery) -> ScoreTarget:
+        return place(platform, container, row.learner, f"{row.quiz}/{row.question}")
 
     return target
 

@@ -63,8 +63,9 @@ class Course(Class):
             self.last = replace(sender_of(self.database, self.target), clock=lambda: now() + self.ahead)
         work(self.database, {SCORES: self.last}, (0.01,) * 3, until_s)
 
-    def target(self, _session: Any, _course: str, learner: str, quiz: str, question: str) -> ScoreTarget | None:
-        at = (self.platform.platform, self.platform.container, f"lti-{learner[:8]}", f"{quiz}/{question}")
+    def target(self, _session: Any, row: Delivery) -> ScoreTarget | None:
+        user = f"lti-{row.learner[:8]}"
+        at = (self.platform.platform, self.platform.container, user, f"{row.quiz}/{row.question}")
         return replace(place(*at), **self.change)
 
     def row(self, number: int = 0) -> Delivery:

@@ -33,3 +33,8 @@ class ScoreTarget:
     deployment_id: str
     resource_link_id: str
     resource_id: str
+
+    @property
+    def column(self) -> tuple[str, str]:
+        """What two targets have in common whose scores go to the same column."""
+        return (self.line_item_url, "") if self.line_item_url else (self.line_items_url, self.resource_id)

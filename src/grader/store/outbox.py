@@ -61,7 +61,9 @@ class Destination(Base):
     question: Mapped[str] = mapped_column(String(64), default=ALL)
     """Only results of this question. The scores of a destination with `ALL` are those of the whole quiz."""
     url: Mapped[str | None] = mapped_column(Text)
-    """Of a webhook, as are the columns of secrets."""
+    """Of a webhook, as are the columns of secrets; or the address of the column of a gradebook that a link leads to, as
+    the newest launch told it. None for scores of a quiz or question that belong to no link: earlier versions left such
+    destinations, and they are of every learner."""
     secret: Mapped[str | None] = mapped_column(String(80))
     old_secret: Mapped[str | None] = mapped_column(String(80))
     old_until: Mapped[datetime | None]
@@ -123,26 +125,43 @@ class NotedRow(NamedTuple):
     has_job: bool
 
 
+class LinkedColumn(NamedTuple):
+    """The column of a gradebook that a platform's link leads to. `link` identifies the link in this installation, and
+    `url` is the address that it names: of a line item, or of the service where the line item is looked for."""
+
+    link: str
+    url: str
+
+
 _RETURNED = (Delivery.id, Delivery.destination, Delivery.has_job)
 
 
 OPEN_DESTINATIONS = select(
-    Destination.id, Destination.course, Destination.kind, Destination.quiz, Destination.question
+    Destination.id, Destination.course, Destination.kind, Destination.quiz, Destination.question, Destination.url
 ).where(Destination.course.in_(bindparam("courses", expanding=True)), Destination.disabled_at.is_(None))
 
 
 def note(session: Session, changed: Collection[LearnerAt], only: str = ALL, kind: str = ALL) -> list[NotedRow]:
     """Notes changed results for the destinations of their courses, or `only` one, or those of a `kind`. The caller
-    holds the learners' locks. Adds a row for each result and destination, or counts one more change of it."""
+    holds the learners' locks. Adds a row for each result and destination, or counts one more change of it. The column
+    of a link is a destination of those learners alone who have a row, by `expect`: they have opened the link."""
     if not changed:
         return []
     courses = {result.course for result in changed}
-    keys = {
-        _key_of_delivery(destination, result): result.course
+    wanted = [
+        (destination, result)
         for destination in session.connection().execute(OPEN_DESTINATIONS, {"courses": list(courses)})
         for result in changed
         if only in (ALL, destination.id) and kind in (ALL, destination.kind) and _is_wanted(destination, result)
+    ]
+    keys = {_key_of_delivery(destination, result): result.course for destination, result in wanted}
+    columns = {
+        destination.id for destination, _ in wanted if destination.kind == SCORES and destination.url is not None
     }
+    if columns:
+        named = {"destinations": list(columns), "learners": [result.learner for result in changed]}
+        opened = {tuple(row) for row in session.connection().execute(OPENED, named)}
+        keys = {key: course for key, course in keys.items() if key[0] not in columns or key in opened}
     if not keys:
         return []
     new = {"state": WAITING, "version": 1, "noted_at": now(), "has_job": False, "attempts": 0, "forced": False}
@@ -152,6 +171,19 @@ def note(session: Session, changed: Collection[LearnerAt], only: str = ALL, kind
 
 
 _KEY = ("destination", "learner", "quiz", "question")
+
+OPENED = select(*(getattr(Delivery, name) for name in _KEY)).where(
+    Delivery.destination.in_(bindparam("destinations", expanding=True)),
+    Delivery.learner.in_(bindparam("learners", expanding=True)),
+)
+
+
+def expect(session: Session, destination_id: str, at: LearnerAt) -> None:
+    """Gives a learner who has opened a link a row for its column, which has nothing to deliver yet."""
+    new = {"state": SENT, "version": 0, "noted_at": now(), "has_job": False, "attempts": 0, "forced": False}
+    values = {"destination": destination_id, **at._asdict(), **new}
+    row = get_insert(session.get_bind().dialect.name)(Delivery).values(values)
+    session.execute(row.on_conflict_do_nothing(index_elements=_KEY))
 
 
 def _is_wanted(destination: Any, changed: LearnerAt) -> bool:
@@ -230,15 +262,32 @@ def list_webhooks(session: Session, course: str) -> Sequence[Destination]:
     return session.scalars(theirs.order_by(Destination.id)).all()
 
 
-def add_scores(session: Session, course: str, quiz: str, question: str, by: str) -> str:
-    """Makes results of a quiz, or of one question, go to learning platforms; once. Returns the destination's id."""
-    key = "\n".join((course, quiz, question))
-    row_id = hashlib.blake2b(key.encode(), digest_size=16).hexdigest()
-    values = {"id": row_id, "course": course, "kind": SCORES, "quiz": quiz, "question": question, "created_by": by,
-              "created_at": now()}  # fmt: skip
-    insert = get_insert(session.get_bind().dialect.name)
-    session.execute(insert(Destination).values(values).on_conflict_do_nothing())
+def make_scores_id(course: str, quiz: str, question: str, link: str | None = None) -> str:
+    """The id of the destination of scores of a quiz, or of one question, that a link leads to; None for no link."""
+    key = "\n".join((course, quiz, question, *([] if link is None else [link])))
+    return hashlib.blake2b(key.encode(), digest_size=16).hexdigest()
+
+
+def add_scores(
+    session: Session, course: str, quiz: str, question: str, by: str, *, column: LinkedColumn | None = None
+) -> str:
+    """Makes results of a quiz, or of one question, go to learning platforms; once. With a `column` only those of
+    learners who have opened its link, by `expect`. Returns the destination's id."""
+    link, url = column or (None, None)
+    row_id = make_scores_id(course, quiz, question, link)
+    values = {"id": row_id, "course": course, "kind": SCORES, "quiz": quiz, "question": question, "url": url,
+              "created_by": by, "created_at": now()}  # fmt: skip
+    insert = get_insert(session.get_bind().dialect.name)(Destination).values(values)
+    moved = insert.on_conflict_do_update(index_elements=["id"], set_={"url": url}, where=Destination.url != url)
+    session.execute(insert.on_conflict_do_nothing() if column is None else moved)
     return row_id
+
+
+def list_same_scores(session: Session, row: Delivery) -> Sequence[Delivery]:
+    """The learner's other rows of scores of the same quiz or question, each for another column, oldest first."""
+    theirs = (Delivery.course == row.course, Delivery.learner == row.learner, Delivery.id != row.id)
+    place = (Delivery.quiz == row.quiz, Delivery.question == row.question, Delivery.destination.in_(_SCORES))
+    return session.scalars(select(Delivery).where(*theirs, *place).order_by(Delivery.id)).all()
 
 
 def remove(session: Session, destination: Destination) -> None:

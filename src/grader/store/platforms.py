@@ -17,6 +17,7 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from grader.domain.platform import Platform, ScoreTarget
 from grader.store.line_items import LineItem
+from grader.store.outbox import Delivery, LinkedColumn, list_same_scores, make_scores_id
 from grader.store.tables import NAME, Base, Credential, now
 
 ID = 255
@@ -286,30 +287,40 @@ def remove(session: Session, platform: PlatformRow) -> None:
     session.delete(platform)
 
 
-def score_target(
-    session: Session, course: str, learner: str, quiz: str, question: str | None = None
-) -> ScoreTarget | None:
-    """Where the learner's score at a question goes, or with an empty `question` or None at the whole quiz. Of several
-    links the newest one counts that the learner's own context has; links without a gradebook are left out. None if the
-    learner came from no platform, or the platform has no such link."""
+def name_column(context: int, link_id: str, line_item_url: str = "", line_items_url: str = "") -> LinkedColumn:
+    """The column of a gradebook that a link of a context leads to, with the addresses that a launch told."""
+    return LinkedColumn(f"{context}\n{link_id}", line_item_url or line_items_url)
+
+
+def score_target(session: Session, row: Delivery) -> ScoreTarget | None:
+    """Where the score of a row goes: to the column of the row's link, if the learner's own context still has the link,
+    and it has a gradebook. Of several links that share a column the one counts that the learner opened first. A row of
+    no link goes to the newest link of the learner's context, until the learner opens one. None if it goes nowhere."""
     wanted = (
         select(ResourceLink, Context, PlatformRow, LtiUser.subject)
         .join(Context, Context.id == ResourceLink.context)
         .join(PlatformRow, PlatformRow.id == Context.platform)
         .join(LtiUser, LtiUser.context == Context.id)
-        .where(LtiUser.member == learner, Context.course == course, PlatformRow.approved_at.is_not(None))
-        .where(ResourceLink.quiz == quiz, ResourceLink.scopes != "")
-        .where(ResourceLink.question == question if question else ResourceLink.question.is_(None))
+        .where(LtiUser.member == row.learner, Context.course == row.course, PlatformRow.approved_at.is_not(None))
+        .where(ResourceLink.quiz == row.quiz, ResourceLink.scopes != "")
+        .where(ResourceLink.question == row.question if row.question else ResourceLink.question.is_(None))
         .order_by(LtiUser.seen_at.desc(), ResourceLink.id.desc())
     )
-    row = session.execute(wanted.limit(1)).first()
-    if row is None:
-        return None
-    link, context, platform, subject = row
-    return ScoreTarget(
-        read_platform(platform), link.line_item_url, link.line_items_url, tuple(link.scopes.split()), subject,
-        context.deployment_id, link.link_id, make_resource_id(quiz, question),
-    )  # fmt: skip
+    targets = {}
+    for link, context, platform, subject in session.execute(wanted):
+        column = name_column(context.id, link.link_id)
+        targets[make_scores_id(row.course, row.quiz, row.question, column.link)] = ScoreTarget(
+            read_platform(platform), link.line_item_url, link.line_items_url, tuple(link.scopes.split()), subject,
+            context.deployment_id, link.link_id, make_resource_id(row.quiz, row.question),
+        )  # fmt: skip
+    unlinked = make_scores_id(row.course, row.quiz, row.question)
+    others = [other for other in list_same_scores(session, row) if other.destination != unlinked]
+    if row.destination == unlinked:
+        return None if others else next(iter(targets.values()), None)
+    target = targets.get(row.destination)
+    earlier = [targets[other.destination] for other in others if other.id < row.id and other.destination in targets]
+    is_told = target is not None and any(target.column == other.column for other in earlier)
+    return None if is_told else target
 
 
 def make_resource_id(quiz: str, question: str | None) -> str:

@@ -11,7 +11,13 @@ import pytest
 
 from grader.courses.people.erasure import erase_learner
 from grader.courses.people.identity import COOKIE
+from grader.courses.sending.outbox import send_scores
+from grader.grading.content import Archive
+from grader.queue import jobs
+from grader.service import deliveries
+from grader.settings import Settings
 from grader.store import platforms
+from grader.store.outbox import Delivery
 from grader.store.tables import Member
 from platforms.joined import Joined, signed_in
 from platforms.platform import (
@@ -27,9 +33,11 @@ from platforms.platform import (
     get_json,
     selection_claims,
 )
+from platforms.working import work
 
 API = "/api/v1"
 OURS = {"Sec-Fetch-Site": "same-origin"}
+SENDING = [f"{AGS_SCOPE}score", f"{AGS_SCOPE}result.readonly"]
 ITEMS = f"{DL_CLAIM}content_items"
 
 
@@ -432,25 +440,100 @@ def test_where_a_score_goes(pair: Joined) -> None:
     service = {"scope": scopes, "lineitem": f"{pair.platform.origin}/items/1?type_id=2", "lineitems": "javascript:x"}
     pair.launch(pair.browser(), **{f"{CLAIM}custom": {"quiz": "small", "question": "q2"}, AGS: service})
     with pair.database.read() as session:
-        [member] = session.query(Member).filter_by(course=pair.course, name="Ada Lovelace")
-        target = platforms.score_target(session, pair.course, member.id, "small", "q2")
+        [row] = session.query(Delivery).filter_by(course=pair.course)
+        target = platforms.score_target(session, row)
         assert target is not None
+        assert (row.quiz, row.question, row.state, row.sent_at) == ("small", "q2", "sent", None)
         assert target.line_item_url == f"{pair.platform.origin}/items/1?type_id=2"
         assert (target.line_items_url, set(target.scopes)) == ("", set(scopes[:2]))
         assert (target.lti_user_id, target.deployment_id) == ("user-7", "deployment-1")
         assert (target.resource_link_id, target.resource_id) == ("link-1", "small/q2")
         assert target.platform.client_id == pair.platform.client_id
-        for question in ("", None, "q1"):
-            assert platforms.score_target(session, pair.course, member.id, "small", question) is None
-        assert platforms.score_target(session, "another course", member.id, "small", "q2") is None
+        for elsewhere in ({"question": ""}, {"question": "q1"}, {"course": "another course"}, {"learner": "0" * 32}):
+            assert platforms.score_target(session, changed(row, elsewhere)) is None
     for less in ({}, {AGS: {**service, "scope": []}}, {AGS: {**service, "scope": [f"{AGS_SCOPE}lineitem"]}}):
         pair.launch(pair.browser(), **{f"{CLAIM}custom": {"quiz": "small", "question": "q2"}, **less})
         with pair.database.read() as session:  # others' scores may be on their way
-            assert platforms.score_target(session, pair.course, member.id, "small", "q2") == target
+            assert platforms.score_target(session, row) == target
     pair.launch(pair.browser(), **{f"{CLAIM}custom": {"quiz": "small", "question": "q1"}})  # the link leads elsewhere
     with pair.database.read() as session:
-        for question in ("q1", "q2"):
-            assert platforms.score_target(session, pair.course, member.id, "small", question) is None
+        assert session.query(Delivery).filter_by(course=pair.course).count() == 1
+        assert platforms.score_target(session, row) is None
+
+
+def changed(row: Delivery, values: dict[str, str]) -> Delivery:
+    """A row that differs from another in these values."""
+    names = ("id", "destination", "course", "learner", "quiz", "question")
+    return Delivery(**{name: getattr(row, name) for name in names} | values)
+
+
+def open_link(pair: Joined, user: str, link: str, column: str, question: str = "q1") -> httpx.Client:
+    """A learner opens a link whose column the launch names."""
+    browser = pair.browser(**OURS)
+    service = {"scope": SENDING, "lineitem": f"{pair.platform.origin}/columns/{column}"}
+    place = {f"{CLAIM}custom": {"quiz": "small", "question": question}, f"{CLAIM}resource_link": {"id": link}}
+    assert pair.launch(browser, sub=user, name=user, **place, **{AGS: service}).status_code == 303
+    return browser
+
+
+def give_answer(browser: httpx.Client, question: str, answer: Any) -> None:
+    body = {"quiz": "small", "question": question, "answer": answer}
+    assert browser.post(f"{API}/submissions", json=body).status_code == 201
+
+
+def deliver(pair: Joined) -> list[tuple[str, str, Any]]:
+    """Sends what waits; returns column, user and points of each new score."""
+    before = len(pair.platform.taken)
+    work(pair.database, build_deliveries(pair)[jobs.DELIVER].senders, until_s=1.5)
+    return sorted(pair.platform.taken[before:])
+
+
+def build_deliveries(pair: Joined) -> Any:
+    settings = Settings(private_hosts=("127.0.0.1",))
+    return deliveries.build_deliveries(settings, pair.database, Archive(pair.database))
+
+
+def test_a_score_goes_to_the_columns_that_the_learners_own_launches_named(pair: Joined) -> None:
+    ann, bob = open_link(pair, "ann", "link x", "x"), open_link(pair, "bob", "link y", "y")
+    give_answer(ann, "q1", 1)
+    assert deliver(pair) == [("x", "ann", 1.0)]
+    give_answer(bob, "q1", 0)
+    assert deliver(pair) == [("y", "bob", 0.0)]
+    open_link(pair, "ann", "link x", "x")
+    assert deliver(pair) == []
+
+
+def test_a_column_that_a_launch_names_first_gets_the_score_that_is_known(pair: Joined) -> None:
+    cid = open_link(pair, "cid", "link 1", "z1", "q2")
+    give_answer(cid, "q2", "7 ms")
+    assert deliver(pair) == [("z1", "cid", 0.0)]
+    open_link(pair, "cid", "link 2", "z2", "q2")
+    assert deliver(pair) == [("z2", "cid", 0.0)]
+    give_answer(cid, "q2", "5 ms")
+    assert deliver(pair) == [("z1", "cid", 1.0), ("z2", "cid", 1.0)]
+
+
+def test_links_that_share_a_column_send_a_score_once(pair: Joined) -> None:
+    for link in ("link 1", "link 2"):
+        dan = open_link(pair, "dan", link, "z")
+    give_answer(dan, "q1", 1)
+    assert deliver(pair) == [("z", "dan", 1.0)]
+
+
+def test_a_learner_of_an_earlier_version_keeps_the_newest_link_until_the_next_launch(pair: Joined) -> None:
+    """Their row belongs to no link; what it sent is known as ours in the column of the link."""
+    eve = open_link(pair, "eve", "link 1", "z1")
+    with pair.database.write() as session:
+        [row] = session.query(Delivery).filter_by(course=pair.course)
+        session.delete(row)
+        session.flush()
+        send_scores(pair.database, session, pair.course, "small", "q1")
+    give_answer(eve, "q1", 0)
+    assert deliver(pair) == [("z1", "eve", 0.0)]
+    open_link(pair, "eve", "link 1", "z1")
+    assert deliver(pair) == []
+    give_answer(eve, "q1", 1)
+    assert deliver(pair) == [("z1", "eve", 1.0)]
 
 
 def test_a_submission_review_opens_the_learners_verdict(pair: Joined) -> None:

@@ -12,7 +12,7 @@ from grader.errors import Conflict, NotFound
 from grader.queue import jobs
 from grader.store import outbox
 from grader.store.engine.database import Database
-from grader.store.outbox import ALL, DEAD, Delivery, NotedRow
+from grader.store.outbox import ALL, DEAD, Delivery, LinkedColumn, NotedRow
 from grader.store.results import LearnerAt
 
 REPLAY_MAX = 1000
@@ -58,13 +58,16 @@ def release_all(database: Database) -> None:
 
 def send_scores(
     database: Database, session: Session, course: str, quiz: str, question: str = ALL, *,
-    learner: str | None = None, by: str = COMMAND_LINE,
+    learner: str | None = None, by: str = COMMAND_LINE, column: LinkedColumn | None = None,
 ) -> None:  # fmt: skip
-    """Makes the scores of a quiz, or of one question, go to the learners' platforms from now on. Safe to repeat: call
-    it whenever a learner comes in by a link with a line item. What the `learner` has by then is sent too."""
-    made = outbox.add_scores(session, course, quiz, question, by)
+    """Makes the scores of a quiz, or of one question, go to the learners' platforms from now on; with a `column` those
+    of the `learner` to it, beside the columns of other links. Safe to repeat: call it whenever a learner comes in by a
+    link with a line item. What the `learner` has by then is sent too."""
+    made = outbox.add_scores(session, course, quiz, question, by, column=column)
     if learner is not None:
         database.lock_learner(session, course, learner)
+        if column is not None:
+            outbox.expect(session, made, LearnerAt(course, learner, quiz, question))
         keys = outbox.list_results(session, course, quiz, learner)
         note(session, [key for key in keys if question in (ALL, key.question)], only=made)
 

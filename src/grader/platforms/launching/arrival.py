@@ -36,8 +36,8 @@ class Arrival:
 
 def arrive(database: Database, session: Session, launch: Launch) -> Arrival | None:
     """Records what the launch tells, and finds who comes and where to. Raises Forbidden for a removed member. A
-    learner's scores go to the platform from now on, where the launch grants that. None if the launch's deployment is
-    not approved; one that is new is noted, to be approved."""
+    learner's scores go to the link's column from now on, where the launch grants that. None if the launch's deployment
+    is not approved; one that is new is noted, to be approved."""
     deployment = platforms.note_deployment(session, launch.platform.id, launch.deployment_id)
     if deployment is None or deployment.approved_at is None:
         return None
@@ -58,7 +58,10 @@ def arrive(database: Database, session: Session, launch: Launch) -> Arrival | No
         member = rules.get_member(session, context, person)
         sends = launch.reviewed is None and words.SCORES in launch.gradebook.scopes
         if sends and quiz is not None and role is Role.STUDENT:
-            send_scores(database, session, context.course, quiz, question or "", learner=member.id, by="lti")
+            book = launch.gradebook
+            column = platforms.name_column(context.id, launch.link_id, book.line_item_url, book.line_items_url)
+            place = (context.course, quiz, question or "")
+            send_scores(database, session, *place, learner=member.id, by="lti", column=column)
     return Arrival(context, member, role, quiz, question)
 
 

@@ -37,7 +37,7 @@ from grader.platforms.sending.replies import (
     retry_after_s,
 )
 from grader.platforms.sending.score import PlatformResult, Score, compute_score
-from grader.store import results
+from grader.store import outbox, results
 from grader.store.outbox import Delivery, Destination
 from grader.store.reviewing import reviews
 from grader.store.tables import Member, now
@@ -69,13 +69,14 @@ SECOND = timedelta(seconds=1)
 LibraryNow = Callable[[Session, str, str], Library]
 """The content of (course, quiz) as servers use it now."""
 
-FindTarget = Callable[[Session, str, str, str, str], ScoreTarget | None]
-"""Where the score of (course, learner, quiz, question) goes, or with an empty question that of the whole quiz."""
+FindTarget = Callable[[Session, Delivery], ScoreTarget | None]
+"""Where the score of a row of the outbox goes."""
 
 
 @dataclass(frozen=True)
 class PreparedScore:
-    """A score on its way. `known` are our own scores that the platform may show; `is_first` if it has taken none.
+    """A score on its way. `known` are our own scores that the platform may show, those that went to other columns of it
+    too: a link may lead to another column than before. `is_first` if the column has taken none.
     `is_contested` if another score of ours may still arrive and replace the one that the platform shows."""
 
     target: ScoreTarget
@@ -111,23 +112,23 @@ class Scores:
         worth = {} if quiz is None else {question.id: question.points for question in quiz.questions}
         remarks = reviews.read_remarks(session, [result.submission_id for result in theirs.values()])
         score = compute_score(theirs, worth, row.question, remarks)
-        sent = None if row.sent is None else Score.from_json(row.sent)
-        tried = [Score.from_json(item) for item in json.loads(row.tried or "[]")]
+        sent, tried = read_sent(row), read_tried(row)
         if score is None or is_no_student(session, row) or not is_news(score, sent, tried, forced=row.forced):
             return UnneededReply()
         questions = [row.question] if row.question else [*theirs]
         access = read_access(session, library, Identity(row.learner, "", Role.STUDENT, row.course))
         if (held := is_withheld(access, row.quiz, questions, self.clock())) is not None:
             return held
-        target = self.score_target(session, row.course, row.learner, row.quiz, row.question)
+        others = outbox.list_same_scores(session, row)
+        target = self.score_target(session, row)
         if target is None:
-            return DeadLetter(NO_PLACE) if tried else UnneededReply()
+            return DeadLetter(NO_PLACE) if tried and not others else UnneededReply()
         if SCORE not in target.scopes:
             return DeadLetter("The platform lets us send no scores: the launch did not grant the scope.")
         timestamp = self.clock().astimezone(UTC).replace(microsecond=0)
         if row.timestamp is not None and timestamp < row.timestamp + SECOND:
             return Later((row.timestamp + SECOND - self.clock()).total_seconds())
-        known = [*tried, *([sent] if sent is not None else [])]
+        known = [score for one in (row, *others) for score in read_known(one)]
         row.timestamp = timestamp
         tries = tried if tried[-1:] == [score] else [*tried, score]
         row.tried = json.dumps([score.to_json() for score in tries[-TRIED_MAX:]])
@@ -205,6 +206,22 @@ class Scores:
         if status in RETRIED or status >= HTTPStatus.INTERNAL_SERVER_ERROR or is_redirection:
             return Again(text, retry_after_s(response.headers, self.clock()))
         return DeadLetter(text)
+
+
+def read_sent(row: Delivery) -> Score | None:
+    """Returns the score that the column of a row is known to have taken."""
+    return None if row.sent is None else Score.from_json(row.sent)
+
+
+def read_tried(row: Delivery) -> list[Score]:
+    """Returns the scores of which it is not known whether the column of a row took them, in the order of tries."""
+    return [Score.from_json(item) for item in json.loads(row.tried or "[]")]
+
+
+def read_known(row: Delivery) -> list[Score]:
+    """Returns the scores of ours that the column of a row may show."""
+    sent = read_sent(row)
+    return [*read_tried(row), *([] if sent is None else [sent])]
 
 
 def is_news(score: Score, sent: Score | None, tried: Sequence[Score], *, forced: bool) -> bool:
