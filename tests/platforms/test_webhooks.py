@@ -2,6 +2,8 @@
 
 import json
 import re
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -16,10 +18,12 @@ from standardwebhooks import Webhook, WebhookVerificationError
 
 from grader.commands.main import cli
 from grader.courses.people.erasure import erase_learner
+from grader.grading.pipeline import Retries
 from grader.platforms.sending.delivering import PAUSES_S, Delivering
 from grader.platforms.sending.outgoing import Outgoing
 from grader.platforms.sending.webhooks import Webhooks
 from grader.queue import jobs
+from grader.queue.worker import Worker
 from grader.store import outbox
 from grader.store.outbox import WEBHOOK, Delivery, Destination
 from grader.store.results import LearnerAt
@@ -134,6 +138,41 @@ def test_a_failed_delivery_is_tried_again_under_its_id_with_a_new_time(site: Sit
     assert times[-1] > times[0]
     assert verified(made["secret"], receiver.got[-1])
     assert listed(teacher)[0]["state"] == "sent"
+
+
+def test_a_receiver_that_does_not_answer_in_time_rests(site: Site, teacher: httpx.Client) -> None:
+    """With all that waits for it, and with what comes in the meantime; others are sent to."""
+    may_answer = threading.Event()
+
+    def dawdle(asked: Asked) -> Answer:
+        slow.append(asked)
+        may_answer.wait(30)
+        return Answer(204)
+
+    slow: list[Asked] = []
+    delivering = Delivering({WEBHOOK: Webhooks(Outgoing([HERE], time_max_s=0.3))}, (0.01,) * 9, rest_s=3.0)
+    worker = Worker(database_of(site), {jobs.DELIVER: delivering}, 1, Retries(3))
+
+    def deliver_what_is_due() -> None:
+        while worker.do_one():
+            pass
+
+    with receiving(dawdle) as port, a_receiver() as fast:
+        create(teacher, f"http://{HERE}:{port}/")
+        create(teacher, fast.url)
+        for user in ("ann", "bob", "cid"):
+            answer(site, user)
+        deliver_what_is_due()
+        assert (len(slow), len(fast.got)) == (1, 3)
+        assert {item["attempts"] for item in listed(teacher, state="waiting")} == {0, 1}
+        answer(site, "dan")
+        deliver_what_is_due()
+        assert (len(slow), len(fast.got)) == (1, 4)
+        may_answer.set()
+        time.sleep(3.1)
+        deliver_what_is_due()
+        assert (len(slow), len(fast.got)) == (5, 4)
+    assert listed(teacher, state="waiting") == []
 
 
 def dead_letters(site: Site) -> float:

@@ -106,9 +106,67 @@ def test_jobs_put_at_once_take_turns_as_if_they_were_put_one_by_one(database: Da
     with database.write() as session:
         while one := jobs.claim(session, 1, (jobs.DELIVER,)):
             claimed.append(one.subject)
+            assert jobs.finish(session, one)
     assert len(claimed) == 6
     assert [one for one in claimed if one[0] == "a"] == ["a1", "a2", "a3", "a4"]
     assert claimed.index("b2") < claimed.index("a4")
+
+
+def test_an_owner_delivers_one_thing_at_a_time_to_a_receiver(database: Database) -> None:
+    with database.write() as session:
+        jobs.put_all(session, jobs.DELIVER, ["slow1", "slow2"], share="slow")
+        jobs.put_all(session, jobs.DELIVER, ["fast1"], share="fast")
+        jobs.put_all(session, jobs.GRADE, ["script1", "script2"], share="slow")
+        first, second, third = (jobs.claim(session, 1, (jobs.DELIVER, jobs.PRUNE)) for _ in range(3))
+        assert {first and first.subject, second and second.subject, third} == {"slow1", "fast1", None}
+        other = jobs.claim(session, 2, (jobs.DELIVER,))
+        assert other is not None
+        assert other.subject == "slow2"
+        scripts = [jobs.claim(session, 1, (jobs.GRADE, jobs.DELIVER)) for _ in range(3)]
+        assert [one and one.subject for one in scripts] == ["script1", "script2", None]
+
+
+def test_a_receiver_that_dawdles_takes_one_thread(database: Database) -> None:
+    """So it is where all threads look at the same moment."""
+    slow, fast = threading.Event(), Noting()
+    fast.may_end.set()
+
+    class Delivering(Noting):
+        def run(self, started: Any) -> JobOutcome:
+            if started.startswith("slow"):
+                self.done.append(started)
+                assert slow.wait(30)
+                return JobOutcome(lambda _: None)
+            return fast.run(started)
+
+    delivering = Delivering()
+    with database.write() as session:
+        jobs.put_all(session, jobs.DELIVER, [f"slow{number}" for number in range(9)], share="slow")
+        jobs.put_all(session, jobs.DELIVER, [f"fast{number}" for number in range(30)], share="fast")
+    worker = Worker(database, {jobs.DELIVER: delivering}, 0, Retries(3), others=4)
+    worker.start()
+    try:
+        wait_for(lambda: len(fast.done) == 30)
+        assert len(delivering.done) == 1
+        slow.set()
+        wait_for(lambda: len(delivering.done) == 9)
+    finally:
+        slow.set()
+        worker.stop()
+
+
+def test_the_jobs_of_a_share_are_delayed_together(database: Database) -> None:
+    with database.write() as session:
+        jobs.put_all(session, jobs.DELIVER, ["a1", "a2"], share="a")
+        jobs.put(session, jobs.DELIVER, "a3", share="a", delay_s=1000.0)
+        jobs.put(session, jobs.DELIVER, "b1", share="b")
+        jobs.delay(session, jobs.DELIVER, "a", 60.0)
+        wait_s = JobRow.due_at - jobs.Clock()
+        waits = dict(session.execute(select(JobRow.subject, wait_s)).all())
+        assert [round(waits[name] or 0.0, -1) for name in ("a1", "a2", "a3", "b1")] == [60.0, 60.0, 1000.0, 0.0]
+        one = jobs.claim(session, 1, (jobs.DELIVER,))
+        assert one is not None
+        assert one.subject == "b1"
 
 
 def test_a_claim_leaves_other_topics_alone(database: Database) -> None:

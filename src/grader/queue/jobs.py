@@ -4,7 +4,8 @@ Topics have priorities: a job waits while one of an earlier topic is due. Within
 jobs are ordered in rounds, and a round holds at most one job of each share (a learner). `put` gives a job the first
 round in which its place is behind the head of the queue and which holds no job of its share. Since places never move
 up, a share's next job waits for at most one job of every other share. A claim reads one entry of an index, however
-long the queue is.
+long the queue is. Of the topic `deliver` an owner has at most one job of each share in progress: a share is a receiver,
+and one that answers slowly must not take all the threads.
 
 A job in progress has an owner, and no time limit. Times are those of the database's clock, and only jobs that were
 delayed have them; a clock that is set back makes those due at once.
@@ -47,6 +48,9 @@ GRADE, REGRADE, DELIVER, PRUNE = TOPICS = ("grade", "regrade", "deliver", "prune
 
 NEWS = "jobs"
 """The channel on which new jobs are announced, by topic."""
+
+AT_ONCE = 500
+"""Jobs that are changed in one statement."""
 
 STOPS = "stops"
 """The channel on which it is announced that jobs in progress are to stop."""
@@ -143,21 +147,30 @@ AMONG = (
     JobRow.topic.in_(bindparam("topics", expanding=True)),
 )
 FIRST = select(JobRow.id).where(WAITS, DUE, *AMONG).order_by(*ORDER).limit(1).with_for_update(skip_locked=True)
-CLAIM = (
+IN_PROGRESS = (
+    select(JobRow.share)
+    .where(JobRow.owner == bindparam("by"), IS_OWNED, JobRow.priority == TOPICS.index(DELIVER))
+    .correlate(None)
+)
+"""The shares of which this owner delivers something."""
+FIRST_ALONE = FIRST.where(or_(JobRow.priority != TOPICS.index(DELIVER), JobRow.share.not_in(IN_PROGRESS)))
+CLAIM, CLAIM_ALONE = (
     update(JobRow)
-    .where(JobRow.id == FIRST.scalar_subquery())
+    .where(JobRow.id == first.scalar_subquery())
     .values(tries=JobRow.tries + 1, owner=bindparam("by"), lease=bindparam("new"), due_at=None)
     .returning(JobRow.id, JobRow.topic, JobRow.subject, JobRow.tries)
+    for first in (FIRST, FIRST_ALONE)
 )
 
 
 def claim(session: Session, owner: int, topics: tuple[str, ...] = TOPICS) -> ClaimedJob | None:
-    """Claims the first job of these topics in the queue's order that is due, for `owner`. None if there is none."""
+    """Claims the first job of these topics in the queue's order that is due, for `owner`. None if there is none. Of an
+    owner, two claims of deliveries at once must not be under way: neither would see what the other one claims."""
     if not topics:
         return None
     places, lease = [TOPICS.index(topic) for topic in topics], secrets.token_hex(16)
     values = {"from": min(places), "to": max(places), "topics": topics, "by": owner, "new": lease}
-    row = session.connection().execute(CLAIM, values).first()
+    row = session.connection().execute(CLAIM_ALONE if DELIVER in topics else CLAIM, values).first()
     return None if row is None else ClaimedJob(*row, lease)
 
 
@@ -221,6 +234,16 @@ def hurry(session: Session, topic: str, subjects: Sequence[str]) -> None:
     if ids:
         session.execute(update(JobRow).where(JobRow.id.in_(ids)).values(due_at=Clock()))
         announce(session, NEWS)
+
+
+def delay(session: Session, topic: str, share: str, delay_s: float) -> None:
+    """Makes the waiting jobs of a share due no sooner than in `delay_s` seconds, but those that are being claimed."""
+    sooner = or_(JobRow.due_at.is_(None), JobRow.due_at < Clock() + delay_s)
+    waiting = select(JobRow.id).where(*_is_waiting(topic, share), sooner)
+    ids = session.scalars(waiting.with_for_update(skip_locked=True)).all()
+    for start in range(0, len(ids), AT_ONCE):
+        some = JobRow.id.in_(ids[start : start + AT_ONCE])
+        session.execute(update(JobRow).where(some).values(delayed_at=Clock(), due_at=Clock() + delay_s))
 
 
 def list_owned(session: Session) -> list[tuple[int, str]]:

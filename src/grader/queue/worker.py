@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol
@@ -109,6 +109,7 @@ class Worker:
     stop_job: Callable[[str], object] = ignore
     owner: Owner = field(init=False)
     _news: dict[tuple[str, ...], News] = field(default_factory=dict)
+    _claiming: threading.Lock = field(default_factory=threading.Lock)
     _stop: threading.Event = field(default_factory=threading.Event)
     _look: threading.Event = field(default_factory=threading.Event)
     _held: dict[str, ClaimedJob] = field(default_factory=dict)
@@ -172,10 +173,11 @@ class Worker:
 
     def do_one(self, topics: tuple[str, ...] | None = None) -> bool:
         """Does the next job, of these topics or, with None, of any that has a task. False if there is none."""
+        wanted = tuple(self.tasks) if topics is None else topics
         claimed: ClaimedJob | None = None
         try:
-            with self.database.write(hasty=True) as session:  # a claim that gets lost leaves the job in the queue
-                claimed = jobs.claim(session, self.owner.id, tuple(self.tasks) if topics is None else topics)
+            with self._turn(wanted), self.database.write(hasty=True) as session:  # a lost claim leaves the job waiting
+                claimed = jobs.claim(session, self.owner.id, wanted)
                 if claimed is None:
                     return False
                 # Before the commit: what the database calls ours and is not held here counts as lost.
@@ -192,6 +194,10 @@ class Worker:
             if claimed is not None:
                 self._held.pop(claimed.lease, None)
         return True
+
+    def _turn(self, topics: tuple[str, ...]) -> AbstractContextManager[Any]:
+        """Lets one thread at a time claim deliveries, as `jobs.claim` asks for."""
+        return self._claiming if jobs.DELIVER in topics else nullcontext()
 
     def _outcome(self, claimed: ClaimedJob, started: Any) -> JobOutcome:
         task = self.tasks[claimed.topic]

@@ -2,8 +2,9 @@
 
 import asyncio
 import random
+import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Any, Protocol
 
@@ -15,7 +16,7 @@ from grader.platforms.sending.replies import Again, DeadLetter, Gone, HeldReply,
 from grader.queue import jobs
 from grader.queue.worker import JobOutcome
 from grader.store import outbox
-from grader.store.outbox import DEAD, HELD, SENT, WAITING, Delivery, Destination
+from grader.store.outbox import DEAD, HELD, SENT, WAITING, WEBHOOK, Delivery, Destination
 from grader.store.tables import now
 
 PAUSES_S = (5.0, 300.0, 1800.0, 7200.0, 18_000.0, 36_000.0, 50_400.0, 72_000.0, 86_400.0)
@@ -23,6 +24,10 @@ PAUSES_S = (5.0, 300.0, 1800.0, 7200.0, 18_000.0, 36_000.0, 50_400.0, 72_000.0, 
 
 JITTER = 0.1
 """Share by which a pause is lengthened at random, so that not all come at once."""
+
+REST_S = 60.0
+"""How long a receiver that did not answer in time is sent nothing [s]: it takes a thread for 20 s each time, and others
+wait for one too."""
 
 NO_SENDER_S = 3600.0
 """Pause where this process has no sender of the kind: without LTI, for scores [s]."""
@@ -44,21 +49,25 @@ class Sender(Protocol):
 
 @dataclass(frozen=True)
 class StartedDelivery:
-    """A row whose delivery is in progress; `version` is the change that it delivers."""
+    """A row whose delivery is in progress; `version` is the change that it delivers, and `receiver` who gets it."""
 
     row_id: int
     version: int
+    receiver: str
     sender: Sender | None
     prepared: Any
 
 
 @dataclass(frozen=True)
 class Delivering:
-    """Does the jobs of the topic `deliver`. A change that comes while its row is being sent is sent next."""
+    """Does the jobs of the topic `deliver`. A change that comes while its row is being sent is sent next. A receiver
+    that did not answer in time rests for `rest_s`, with all that waits for it."""
 
     senders: Mapping[str, Sender]
     pauses_s: tuple[float, ...] = PAUSES_S
     clock: Callable[[], datetime] = now
+    rest_s: float = REST_S
+    _rests_until: dict[str, float] = field(default_factory=dict)
 
     def start(self, session: Session, subject: str) -> StartedDelivery | None:
         """Prepares what is sent, unless the row waits no more."""
@@ -70,10 +79,14 @@ class Delivering:
             row.has_job = False
             return None
         row.state = WAITING
-        sender = self.senders.get(destination.kind)
-        if sender is None:  # another process may have one
-            return StartedDelivery(row.id, row.version, None, Later(NO_SENDER_S))
-        return StartedDelivery(row.id, row.version, sender, prepare_row(sender, session, row, destination))
+        receiver, sender = name_receiver(destination), self.senders.get(destination.kind)
+        prepared: Any = Later(NO_SENDER_S)  # without a sender: another process may have one
+        if (rest_s := self._rests_until.get(receiver, 0.0) - time.monotonic()) > 0:
+            jobs.delay(session, jobs.DELIVER, destination.id, rest_s)
+            prepared = Later(rest_s)
+        elif sender is not None:
+            prepared = prepare_row(sender, session, row, destination)
+        return StartedDelivery(row.id, row.version, receiver, sender, prepared)
 
     def run(self, started: StartedDelivery) -> JobOutcome:
         """Sends it."""
@@ -82,6 +95,8 @@ class Delivering:
         else:
             assert started.sender is not None
             reply = asyncio.run(started.sender.send(started.prepared))
+        if isinstance(reply, Again) and reply.is_slow:
+            self._rests_until[started.receiver] = time.monotonic() + self.rest_s
         return JobOutcome(lambda session: self._store(session, started, reply))
 
     def give_up(self, started: StartedDelivery) -> JobOutcome:
@@ -133,6 +148,11 @@ class Delivering:
     def _again(self, session: Session, row: Delivery, pause_s: float) -> None:
         row.has_job, row.next_at = True, self.clock() + timedelta(seconds=pause_s)
         jobs.put(session, jobs.DELIVER, str(row.id), share=row.destination, delay_s=pause_s)
+
+
+def name_receiver(destination: Destination) -> str:
+    """Names who is slow if a destination is: a webhook alone, or the platform of a course with all its columns."""
+    return destination.id if destination.kind == WEBHOOK else f"scores of {destination.course}"
 
 
 def prepare_row(sender: Sender, session: Session, row: Delivery, destination: Destination) -> Any | Reply:

@@ -38,6 +38,10 @@ class Unreachable(Exception):
     """No usable answer came: no connection, too late, or too large. Another try may help."""
 
 
+class TooSlow(Unreachable):
+    """No answer came in time: the request has held up what waits behind it."""
+
+
 @dataclass(frozen=True)
 class Response:
     """What a server answered. Names of headers are in lower case."""
@@ -95,7 +99,9 @@ class Outgoing:
         except socket.gaierror as error:
             raise Unreachable(f"The name {endpoint.host} has no address.") from error
         except TimeoutError as error:
-            raise Unreachable(f"The server did not answer within {self.time_max_s:g} s.") from error
+            raise TooSlow(f"The server did not answer within {self.time_max_s:g} s.") from error
+        except httpx2.TimeoutException as error:
+            raise TooSlow(f"The request failed: {type(error).__name__}.") from error
         except (httpx2.HTTPError, httpx2.InvalidURL, OSError) as error:
             raise Unreachable(f"The request failed: {type(error).__name__}.") from error
 

@@ -37,10 +37,11 @@ class Later:
 
 @dataclass(frozen=True)
 class Again:
-    """It failed, and another try may help, after `after_s` at the earliest [s]."""
+    """It failed, and another try may help, after `after_s` at the earliest [s]. `is_slow` if no answer came in time."""
 
     why: str
     after_s: float = 0.0
+    is_slow: bool = False
 
 
 @dataclass(frozen=True)

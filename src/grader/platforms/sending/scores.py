@@ -24,7 +24,7 @@ from grader.domain.platform import ScoreTarget
 from grader.library import Library
 from grader.platforms.sending.access_tokens import AccessTokens, NoToken
 from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, LineItems, add_path, choose_scopes
-from grader.platforms.sending.outgoing import Response, Unreachable
+from grader.platforms.sending.outgoing import Response, TooSlow, Unreachable
 from grader.platforms.sending.replies import (
     Again,
     DeadLetter,
@@ -160,7 +160,7 @@ class Scores:
             case RefusedURL():
                 return DeadLetter(f"The platform's address is not allowed: {failed} {CURE_OF_ADDRESS}")
             case _:
-                return Again(str(failed))
+                return Again(str(failed), is_slow=isinstance(failed, TooSlow))
 
     async def _result(self, prepared: PreparedScore, url: str) -> PlatformResult | None:
         """Says what the platform shows now; None if it does not let us read it."""

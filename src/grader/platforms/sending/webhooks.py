@@ -14,7 +14,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from grader.domain.addresses import RefusedURL
-from grader.platforms.sending.outgoing import Outgoing, Unreachable
+from grader.platforms.sending.outgoing import Outgoing, TooSlow, Unreachable
 from grader.platforms.sending.replies import Again, DeadLetter, Gone, Reply, SentReply, UnneededReply, retry_after_s
 from grader.store import results
 from grader.store.outbox import Delivery, Destination
@@ -62,7 +62,7 @@ class Webhooks:
         except RefusedURL as refused:
             return DeadLetter(str(refused))
         except Unreachable as error:
-            return Again(str(error))
+            return Again(str(error), is_slow=isinstance(error, TooSlow))
         if HTTPStatus.OK <= response.status < HTTPStatus.MULTIPLE_CHOICES:
             return SentReply()
         if response.status == HTTPStatus.GONE:
