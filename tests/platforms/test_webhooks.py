@@ -21,7 +21,7 @@ from grader.courses.people.erasure import erase_learner
 from grader.grading.pipeline import Retries
 from grader.platforms.sending.delivering import PAUSES_S, Delivering
 from grader.platforms.sending.outgoing import Outgoing
-from grader.platforms.sending.webhooks import Webhooks
+from grader.platforms.sending.webhooks import PreparedMessage, Webhooks, make_message_id
 from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.store import outbox
@@ -138,6 +138,27 @@ def test_a_failed_delivery_is_tried_again_under_its_id_with_a_new_time(site: Sit
     assert times[-1] > times[0]
     assert verified(made["secret"], receiver.got[-1])
     assert listed(teacher)[0]["state"] == "sent"
+
+
+def test_a_message_after_a_restore_has_a_new_id(site: Site, teacher: httpx.Client) -> None:
+    """A new row may get the number of one that the backup did not have."""
+    create(teacher, f"http://{HERE}:9/")
+    for user in ("ann", "bob"):
+        answer(site, user)
+    with database_of(site).read() as session:
+        ann, bob = session.scalars(select(Delivery).where(Delivery.course == site.course).order_by(Delivery.id)).all()
+        again = {name: getattr(ann, name) for name in ("id", "version", "destination", "course", "quiz", "question")}
+        bob = Delivery(**again, learner=bob.learner, noted_at=bob.noted_at)
+        webhook = session.get_one(Destination, ann.destination)
+        ids = [SENDERS[WEBHOOK].prepare(session, row, webhook) for row in (ann, ann, bob)]
+    before, retried, after = [one.id for one in ids if isinstance(one, PreparedMessage)]
+    assert re.fullmatch(r"msg_[0-9a-f]{32}", before)
+    assert (retried, after == before) == (before, False)
+
+
+def test_a_message_to_each_destination_has_its_own_id() -> None:
+    ids = {make_message_id(destination, body) for destination in ("a", "b") for body in (b"{}", b"[]")}
+    assert len(ids) == 4
 
 
 def test_a_receiver_that_does_not_answer_in_time_rests(site: Site, teacher: httpx.Client) -> None:

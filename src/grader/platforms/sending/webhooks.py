@@ -51,7 +51,8 @@ class Webhooks:
         secrets = [destination.secret]
         if destination.old_secret is not None and destination.old_until is not None:
             secrets += [destination.old_secret] if self.clock() < destination.old_until else []
-        return PreparedMessage(destination.url, f"msg_{row.id}_{row.version}", build_message(row, result), secrets)
+        body = build_message(row, result)
+        return PreparedMessage(destination.url, make_message_id(destination.id, body), body, secrets)
 
     async def send(self, prepared: PreparedMessage) -> Reply:
         """Sends a message. Any success is one; 410 ends the webhook; all else is tried again."""
@@ -80,6 +81,12 @@ def build_message(row: Delivery, result: Result) -> bytes:
         "revision": result.revision,
     }
     return json.dumps({"type": CHANGED, "timestamp": row.noted_at.isoformat(), "data": data}).encode()
+
+
+def make_message_id(destination_id: str, body: bytes) -> str:
+    """Returns the id of a message to a destination, from what it says. Numbers of rows would come again after a restore
+    from a backup, and in another installation: receivers would take a new change for one that they have."""
+    return "msg_" + hashlib.blake2b(body, key=destination_id.encode(), digest_size=16).hexdigest()
 
 
 def build_headers(prepared: PreparedMessage, moment: datetime) -> Mapping[str, str]:
