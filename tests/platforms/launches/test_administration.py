@@ -127,6 +127,9 @@ def test_a_configuration_that_cannot_be_right_is_refused(
     refused = pair.browser(**OURS).post("/lti/register", data=form)
     assert refused.status_code == 422
     assert told in refused.text
+    other.configured = {"client_name": "right again"}
+    again = pair.browser(**OURS).post("/lti/register", data={**form, "registration_token": other.registration_token})
+    assert again.status_code == (401 if configured.get("registration_endpoint") else 200), "a failure before used it up"
 
 
 def test_a_platform_that_refuses_is_not_registered(pair: Joined, other: Platform) -> None:
@@ -143,6 +146,9 @@ def test_registration_needs_a_link(pair: Joined, other: Platform) -> None:
     query = {"token": "guessed", "openid_configuration": f"{other.origin}/.well-known/openid-configuration"}
     assert pair.browser().get("/lti/register", params=query).status_code == 401
     assert pair.browser(**OURS).post("/lti/register", data=query).status_code == 401
+    for missing in ("", "&openid_configuration=nowhere"):
+        opened = pair.browser().get(registration_link(pair) + missing)
+        assert (opened.status_code, "openid_configuration" in opened.text) == (422, True)
 
 
 # API

@@ -27,6 +27,16 @@ CREATED = (200, 201)
 
 
 @dataclass(frozen=True)
+class Offer:
+    """What a platform's configuration says: its registration without a client id, and where this tool registers; with
+    the token that the platform gave for that."""
+
+    registration: Registration
+    endpoint: str
+    token: str
+
+
+@dataclass(frozen=True)
 class RegistrationReply:
     """What a platform answered: its registration, and its first deployment if it named one."""
 
@@ -62,23 +72,31 @@ def tool_configuration(origin: str) -> dict[str, Any]:
     }
 
 
-async def register(requester: Requester, configuration_url: str, token: str, origin: str) -> RegistrationReply:
-    """Fetches a platform's configuration, and registers this tool there. Raises Unprocessable."""
-    if not is_of_platform(configuration_url) or len(token) > TOKEN_CHARACTERS_MAX or not token.isprintable():
-        raise Unprocessable("The address of the platform's configuration cannot be used.")
+async def fetch_offer(requester: Requester, configuration_url: str, token: str) -> Offer:
+    """Fetches a platform's configuration; nothing is registered yet. Raises Unprocessable."""
+    if not is_of_platform(configuration_url):
+        raise Unprocessable("The address of the platform's configuration, openid_configuration, cannot be used.")
+    if len(token) > TOKEN_CHARACTERS_MAX or not token.isprintable():
+        raise Unprocessable("The platform's registration_token cannot be used.")
     configuration = await exchange(requester, "GET", configuration_url)
     registration = read_configuration(configuration, configuration_url)
     endpoint = configuration.get("registration_endpoint")
     if not is_of_platform(endpoint):
         raise Unprocessable("The platform's configuration has no registration_endpoint.")
-    headers = {"Content-Type": "application/json"} | ({"Authorization": f"Bearer {token}"} if token else {})
+    return Offer(registration, str(endpoint), token)
+
+
+async def register(requester: Requester, offer: Offer, origin: str) -> RegistrationReply:
+    """Registers this tool at a platform. Raises Unprocessable."""
+    bearer = {"Authorization": f"Bearer {offer.token}"} if offer.token else {}
+    headers = {"Content-Type": "application/json"} | bearer
     body = json.dumps(tool_configuration(origin)).encode()
-    answer = await exchange(requester, "POST", str(endpoint), headers, body)
+    answer = await exchange(requester, "POST", offer.endpoint, headers, body)
     client_id, tool = answer.get("client_id"), answer.get(TOOL)
     if not isinstance(client_id, str):
         raise Unprocessable("The platform gave no client_id.")
     deployment = tool.get("deployment_id") if isinstance(tool, dict) else None
-    known = Registration(**{**vars(registration), "client_id": client_id})
+    known = Registration(**{**vars(offer.registration), "client_id": client_id})
     return RegistrationReply(known, deployment if isinstance(deployment, str) else None)
 
 

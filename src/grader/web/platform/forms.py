@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from datetime import timedelta
 from typing import Any
 
+import structlog
 from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import RedirectResponse, Response
@@ -27,7 +28,7 @@ from grader.platforms.launching.deep_linking import CHOICES_MAX, Choice, sign_re
 from grader.platforms.launching.launch import ContentSelection, Launch
 from grader.platforms.launching.login import launch_url
 from grader.platforms.launching.registration import PURPOSE as REGISTRATION
-from grader.platforms.launching.registration import register
+from grader.platforms.launching.registration import fetch_offer, register
 from grader.store import platforms, tickets
 from grader.store.platforms import Context
 from grader.store.tables import Member
@@ -35,10 +36,17 @@ from grader.web.frame.rendering import POLICY, PRIVATE, page, security_policy
 from grader.web.platform.frames import LtiTool, Pairs, PlainWords, show_framed, start_session_in
 from grader.web.text.questions import describe_quiz
 
+log = structlog.get_logger()
+
 router = page_router("/lti", route_class=PlainWords)
 
 COURSE, CHOICE, TAB = "lti-course", "lti-choice", "lti-tab"
 LIFETIME = timedelta(hours=1)
+NO_LINK = "This registration link is unknown, used or too old. `grader lti register-link` makes one."
+NO_CONFIGURATION = (
+    "The address does not say where the platform's configuration is: it has no openid_configuration. Give the "
+    "registration link to the platform, which opens it with that."
+)
 STALE = "This form was sent already, or is too old. Start again from your learning platform."
 
 
@@ -154,10 +162,12 @@ def show_registration(
     registration_token: str = "",
 ) -> Response:  # fmt: skip
     """Asks a platform's administrator, who came with a registration link, before anything is registered."""
-    known = services.sessions.reading(lambda session: tickets.peek(session, REGISTRATION, token) is not None)
+    require_link(services, token)
+    if not openid_configuration:
+        raise Unprocessable(NO_CONFIGURATION)
     origin = read_origin(openid_configuration)
-    if not known or not origin:
-        raise Unauthorized("This registration link is unknown, used or too old. `grader lti register-link` makes one.")
+    if not origin:
+        raise Unprocessable("The address of the platform's configuration, openid_configuration, cannot be used.")
     headers = PRIVATE | {POLICY: security_policy([origin])}
     fields = {"token": token, "openid_configuration": openid_configuration, "registration_token": registration_token}
     return page(request, "lti_register.html", 200, headers, platform_origin=origin, fields=fields)
@@ -165,21 +175,36 @@ def show_registration(
 
 @router.post("/register")
 async def do_register(request: Request, tool: LtiTool, services: AppServices, pairs: Pairs) -> Response:
-    """Registers this tool at the platform, and the platform here, where it waits for approval."""
+    """Registers this tool at the platform, and the platform here, where it waits for approval. The link is used up when
+    the platform is asked to register: what fails before may be tried again."""
     form = dict(pairs)
-    used_up = await run_in_threadpool(
-        services.sessions.writing, lambda session: tickets.take(session, REGISTRATION, form.get("token", ""))
-    )
-    if used_up is None:
-        raise Unauthorized("This registration link is unknown, used or too old. `grader lti register-link` makes one.")
-    url = form.get("openid_configuration", "")
-    registered = await register(tool.requester, url, form.get("registration_token", ""), services.origin_of(request))
+    url, token = form.get("openid_configuration", ""), form.get("token", "")
+    await run_in_threadpool(require_link, services, token)
+    try:
+        offer = await fetch_offer(tool.requester, url, form.get("registration_token", ""))
+        await run_in_threadpool(use_link, services, token)
+        registered = await register(tool.requester, offer, services.origin_of(request))
+    except Unprocessable as error:
+        log.warning("a registration was refused", platform=read_origin(url), why=str(error))
+        raise
     row = await run_in_threadpool(
         services.sessions.writing,
         lambda session: rules.add(session, None, registered.registration, registered.deployment_id),
     )
     headers = PRIVATE | {POLICY: security_policy([read_origin(url)])}
     return page(request, "lti_registered.html", 200, headers, platform=row)
+
+
+def require_link(services: Services, token: str) -> None:
+    """Raises Unauthorized unless this is the token of a registration link that may still be used."""
+    if not services.sessions.reading(lambda session: tickets.peek(session, REGISTRATION, token) is not None):
+        raise Unauthorized(NO_LINK)
+
+
+def use_link(services: Services, token: str) -> None:
+    """Uses up a registration link. Raises Unauthorized if somebody has done so meanwhile."""
+    if services.sessions.writing(lambda session: tickets.take(session, REGISTRATION, token)) is None:
+        raise Unauthorized(NO_LINK)
 
 
 def get_platform(session: Session, platform_id: int) -> Platform:
