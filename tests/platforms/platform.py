@@ -64,6 +64,10 @@ class Platform:
     registration_token: str = "a token of the platform"
     configured: dict[str, Any] = field(default_factory=dict)
     """What the configuration says otherwise than it should."""
+    registered: dict[str, Any] = field(default_factory=dict)
+    """What the answer to a registration says otherwise."""
+    refusal: dict[str, Any] | None = None
+    """Why every registration is refused."""
     tool_keys: Any = None
     scores: list[dict[str, Any]] = field(default_factory=list)
     taken: list[tuple[str, str, Any]] = field(default_factory=list)
@@ -172,9 +176,11 @@ class Platform:
             } | self.configured
 
         @app.post("/register")
-        async def register(request: Request) -> dict[str, Any]:
+        async def register(request: Request) -> Any:
             if request.headers.get("authorization") != f"Bearer {self.registration_token}":
                 raise HTTPException(401)
+            if self.refusal is not None:
+                return JSONResponse(self.refusal, 400)
             told: dict[str, Any] = await request.json()
             assert told["application_type"] == "web"
             assert told["token_endpoint_auth_method"] == "private_key_jwt"
@@ -183,7 +189,7 @@ class Platform:
             return told | {
                 "client_id": self.client_id,
                 "https://purl.imsglobal.org/spec/lti-tool-configuration": {"deployment_id": self.deployment_id},
-            }
+            } | self.registered  # fmt: skip
 
         return app
 

@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grader.domain.addresses import RefusedURL, refuse_address, resolve_endpoint
-from grader.platforms.sending.outgoing import Address, Outgoing, Response, Unreachable
+from grader.platforms.sending.failures import Unreachable
+from grader.platforms.sending.outgoing import Address, Outgoing, Response
 from platforms.certificates import contexts
 from platforms.receivers import HERE, Answer, Asked, receiving, resolving
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import httpx
 import pytest
+from structlog.testing import capture_logs
 from typer.testing import CliRunner
 
 from grader.commands.main import cli
@@ -140,6 +141,54 @@ def test_a_platform_that_refuses_is_not_registered(pair: Joined, other: Platform
     }  # fmt: skip
     refused = pair.browser(**OURS).post("/lti/register", data=form)
     assert (refused.status_code, "401" in refused.text) == (422, True)
+
+
+def registers(pair: Joined, other: Platform) -> httpx.Response:
+    """The answer to the form of a registration with a new link."""
+    form = {
+        "token": registration_link(pair).partition("token=")[2],
+        "openid_configuration": f"{other.origin}/.well-known/openid-configuration",
+        "registration_token": other.registration_token,
+    }
+    return pair.browser(**OURS).post("/lti/register", data=form)
+
+
+def test_the_platforms_reason_is_told_and_logged(pair: Joined, other: Platform) -> None:
+    why = "Tool domain <b>not</b> allowed."
+    other.refusal = {"error": "invalid_client_metadata", "error_description": why}
+    with capture_logs() as logs:
+        page = registers(pair, other)
+    told = f"The platform refuses the registration: it answers 400, invalid_client_metadata: {why}"
+    assert (page.status_code, told in unescape(page.text), "<b>not" in page.text) == (422, True, False)
+    assert [(log["event"], log["why"]) for log in logs if "why" in log] == [("a registration was refused", told)]
+    other.refusal = {"error": ["x"], "error_description": "y\n" * 5000}
+    page = registers(pair, other)
+    assert (page.status_code, "it answers 400, y" in page.text, len(page.text) < 5000) == (422, True, True)
+
+
+def test_ids_may_be_numbers(pair: Joined, other: Platform) -> None:
+    other.registered = {
+        "client_id": 10000000000001,
+        "https://purl.imsglobal.org/spec/lti-tool-configuration": {"deployment_id": 7},
+    }
+    assert registers(pair, other).status_code == 200
+    admin = pair.site.client("root", "instructor", "default")
+    [made] = [item for item in get_json(admin, f"{API}/lti/platforms")["items"] if item["issuer"] == other.origin]
+    assert made["client_id"] == "10000000000001"
+    assert made["deployments"] == [{"deployment_id": "7", "approved": False}]
+    for wrong in (None, True, ["x"], 1.5):
+        other.registered = {"client_id": wrong}
+        page = registers(pair, other)
+        assert (page.status_code, "no client_id" in page.text) == (422, True)
+
+
+def test_an_answer_that_is_too_large_is_called_so(pair: Joined, other: Platform) -> None:
+    other.registered = {"much": "x" * 1_000_001}
+    page = registers(pair, other)
+    assert (page.status_code, "answer to the registration is too large" in unescape(page.text)) == (422, True)
+    other.configured = other.registered
+    page = registers(pair, other)
+    assert (page.status_code, "platform's configuration is too large" in unescape(page.text)) == (422, True)
 
 
 def test_registration_needs_a_link(pair: Joined, other: Platform) -> None:

@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import timedelta
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
 from grader.courses.people.platforms import Registration
@@ -15,6 +15,7 @@ from grader.platforms.launching.addresses import is_of_platform, read_origin
 from grader.platforms.launching.fetching import Requester
 from grader.platforms.launching.launch import read_label
 from grader.platforms.launching.login import keys_url, launch_url, login_url
+from grader.platforms.sending.failures import Oversized
 
 PURPOSE = "lti-registration"
 LIFETIME = timedelta(days=2)
@@ -24,6 +25,18 @@ DESCRIPTION = "Quizzes and exercises with MuJoCo, graded by simulation."
 PLATFORM = "https://purl.imsglobal.org/spec/lti-platform-configuration"
 TOOL = "https://purl.imsglobal.org/spec/lti-tool-configuration"
 CREATED = (200, 201)
+NO_HEADERS: Mapping[str, str] = {}
+
+
+class Step(NamedTuple):
+    """One of the two requests of a registration: what it asks for, and what the platform answers."""
+
+    asked: str
+    answer: str
+
+
+CONFIGURATION = Step("to give its configuration", "configuration")
+REGISTRATION = Step("the registration", "answer to the registration")
 
 
 @dataclass(frozen=True)
@@ -78,7 +91,7 @@ async def fetch_offer(requester: Requester, configuration_url: str, token: str) 
         raise Unprocessable("The address of the platform's configuration, openid_configuration, cannot be used.")
     if len(token) > TOKEN_CHARACTERS_MAX or not token.isprintable():
         raise Unprocessable("The platform's registration_token cannot be used.")
-    configuration = await exchange(requester, "GET", configuration_url)
+    configuration = await exchange(requester, CONFIGURATION, "GET", configuration_url)
     registration = read_configuration(configuration, configuration_url)
     endpoint = configuration.get("registration_endpoint")
     if not is_of_platform(endpoint):
@@ -91,13 +104,19 @@ async def register(requester: Requester, offer: Offer, origin: str) -> Registrat
     bearer = {"Authorization": f"Bearer {offer.token}"} if offer.token else {}
     headers = {"Content-Type": "application/json"} | bearer
     body = json.dumps(tool_configuration(origin)).encode()
-    answer = await exchange(requester, "POST", offer.endpoint, headers, body)
-    client_id, tool = answer.get("client_id"), answer.get(TOOL)
-    if not isinstance(client_id, str):
+    answer = await exchange(requester, REGISTRATION, "POST", offer.endpoint, headers, body=body)
+    client_id, tool = read_id(answer.get("client_id")), answer.get(TOOL)
+    if client_id is None:
         raise Unprocessable("The platform gave no client_id.")
-    deployment = tool.get("deployment_id") if isinstance(tool, dict) else None
+    deployment = read_id(tool.get("deployment_id")) if isinstance(tool, dict) else None
     known = Registration(**{**vars(offer.registration), "client_id": client_id})
-    return RegistrationReply(known, deployment if isinstance(deployment, str) else None)
+    return RegistrationReply(known, deployment)
+
+
+def read_id(value: object) -> str | None:
+    """Returns an id that a platform gave, a number as its decimal text; None for anything else."""
+    is_id = isinstance(value, str | int) and not isinstance(value, bool)
+    return str(value) if is_id else None
 
 
 def read_configuration(configuration: Mapping[str, Any], url: str) -> Registration:
@@ -121,20 +140,34 @@ def read_configuration(configuration: Mapping[str, Any], url: str) -> Registrati
 
 
 async def exchange(
-    requester: Requester, method: str, url: str, headers: Mapping[str, str] | None = None, body: bytes | None = None
-) -> dict[str, Any]:
-    """Returns the JSON object that a platform answers. Raises Unprocessable."""
-    sent = {"Accept": "application/json", **(headers or {})}
+    requester: Requester, step: Step, method: str, url: str, headers: Mapping[str, str] = NO_HEADERS, *,
+    body: bytes | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Returns the JSON object that a platform answers. Raises Unprocessable, which names the step."""
+    sent = {"Accept": "application/json", **headers}
     try:
         answer = await requester.request(method, url, headers=sent, body=body)
+    except Oversized as error:
+        raise Unprocessable(f"The platform's {step.answer} is too large. {error}") from error
     except Exception as error:  # whatever the other side, or the way to it, does wrong
         raise Unprocessable(f"The platform cannot be reached at {read_origin(url)}: {type(error).__name__}.") from error
     if answer.status not in CREATED:
-        raise Unprocessable(f"The platform refuses: it answers {answer.status}.")
+        why = read_refusal(answer.body)
+        raise Unprocessable(f"The platform refuses {step.asked}: it answers {answer.status}{why and f', {why}'}.")
     try:
         value = json.loads(answer.body)
     except (ValueError, RecursionError) as error:
-        raise Unprocessable("The platform's answer is not JSON.") from error
+        raise Unprocessable(f"The platform's {step.answer} is not JSON.") from error
     if not isinstance(value, dict):
-        raise Unprocessable("The platform's answer is no JSON object.")
+        raise Unprocessable(f"The platform's {step.answer} is no JSON object.")
     return value
+
+
+def read_refusal(body: bytes) -> str:
+    """Returns why a platform refuses, if it says so: the error and its description. Source: RFC 7591, section 3.2.2."""
+    try:
+        told = json.loads(body)
+    except (ValueError, RecursionError):
+        return ""
+    words = (read_label(told.get(name)) for name in ("error", "error_description")) if isinstance(told, dict) else ()
+    return ": ".join(filter(None, words)).rstrip(".")

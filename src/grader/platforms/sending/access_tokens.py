@@ -10,7 +10,8 @@ from typing import Any
 from urllib.parse import urlencode
 
 from grader.domain.platform import Platform
-from grader.platforms.sending.outgoing import Outgoing, Response, Unreachable
+from grader.platforms.sending.failures import Unreachable
+from grader.platforms.sending.outgoing import Outgoing, Response
 
 ASSERTION_S = 60
 """Lifetime of an assertion [s]."""

@@ -12,7 +12,8 @@ from urllib.parse import parse_qsl, urlencode, urljoin, urlsplit
 
 from grader.domain.platform import ScoreTarget
 from grader.platforms.sending.access_tokens import AccessTokens
-from grader.platforms.sending.outgoing import Response, Unreachable
+from grader.platforms.sending.failures import Unreachable
+from grader.platforms.sending.outgoing import Response
 from grader.platforms.sending.replies import DeadLetter, DeliveryFailure, Later
 from grader.store import line_items
 from grader.store.engine.database import Database

@@ -16,6 +16,7 @@ from typing import Any
 import httpx2
 
 from grader.domain.addresses import Endpoint, read_literal, refuse_address, resolve_endpoint
+from grader.platforms.sending.failures import Oversized, TooSlow, Unreachable
 
 TIME_MAX_S = 20.0
 """For a whole request, with resolving the name [s]."""
@@ -32,14 +33,6 @@ HEADERS = {"Accept-Encoding": "identity", "User-Agent": "mujoco-grader", "Connec
 Address = IPv4Address | IPv6Address
 Resolve = Callable[[str, int], Awaitable[list[Address]]]
 """The addresses of a host and port. Raises OSError."""
-
-
-class Unreachable(Exception):
-    """No usable answer came: no connection, too late, or too large. Another try may help."""
-
-
-class TooSlow(Unreachable):
-    """No answer came in time: the request has held up what waits behind it."""
 
 
 @dataclass(frozen=True)
@@ -154,5 +147,5 @@ class Outgoing:
         async for part in response.aiter_raw():
             read += part
             if len(read) > self.body_max:
-                raise Unreachable(f"The server answered more than {self.body_max} bytes.")
+                raise Oversized(f"The server answered more than {self.body_max} bytes.")
         return bytes(read)

@@ -23,8 +23,9 @@ from grader.domain.addresses import RefusedURL
 from grader.domain.platform import ScoreTarget
 from grader.library import Library
 from grader.platforms.sending.access_tokens import AccessTokens, NoToken
+from grader.platforms.sending.failures import TooSlow, Unreachable
 from grader.platforms.sending.line_items import READ_RESULT, SCORE, CallFailed, LineItems, add_path, choose_scopes
-from grader.platforms.sending.outgoing import Response, TooSlow, Unreachable
+from grader.platforms.sending.outgoing import Response
 from grader.platforms.sending.replies import (
     Again,
     DeadLetter,

@@ -14,7 +14,8 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from grader.domain.addresses import RefusedURL
-from grader.platforms.sending.outgoing import Outgoing, TooSlow, Unreachable
+from grader.platforms.sending.failures import TooSlow, Unreachable
+from grader.platforms.sending.outgoing import Outgoing
 from grader.platforms.sending.replies import Again, DeadLetter, Gone, Reply, SentReply, UnneededReply, retry_after_s
 from grader.store import results
 from grader.store.outbox import Delivery, Destination
