@@ -30,6 +30,7 @@ def test_each_delivery_is_one_line_with_the_beginning_of_the_reason(
             )  # fmt: skip
     rows = [line.split("\t") for line in grader("deliveries").stdout.removesuffix("\n").split("\n")]
     assert [row[4:6] for row in rows] == [[f"quiz/q{number}", "5"] for number in range(3)]
+    assert {row[7] for row in rows} == {"https://hook.example"}
     told = [row[6] for row in rows]
     assert (told[0], told[2]) == ("404", "")
     assert told[1].startswith("500: <html> <body> Bad [31m gateway xxx")

@@ -127,16 +127,18 @@ def deliveries(
     course: Annotated[str | None, typer.Option(help="Name of the course; all courses if not given.")] = None,
     data: Data = None,
 ) -> None:
-    """List webhooks and scores, by default those that could not be delivered: one a line, with the reason."""
+    """List webhooks and scores, by default those that could not be delivered: one a line, with the reason and where it
+    goes."""
+    from grader.courses.sending.outbox import name_receiver
     from grader.store import outbox
 
     if state not in outbox.STATES:
         raise Unprocessable(f"--state is one of {', '.join(outbox.STATES)}.")
     with open_database(data) as database, database.read() as session:
-        for row, kind in outbox.list_all(session, state, course):
+        for row, to in outbox.list_all(session, state, course):
             place = "/".join(filter(None, (row.quiz, row.question)))
-            why = put_on_a_line(row.error or "")
-            print("\t".join((str(row.id), kind, row.course, row.learner, place, str(row.attempts), why)))
+            told = (put_on_a_line(row.error or ""), name_receiver(session, row, to))
+            print("\t".join((str(row.id), to.kind, row.course, row.learner, place, str(row.attempts), *told)))
 
 
 def put_on_a_line(text: str) -> str:

@@ -320,12 +320,13 @@ def page(
     return [(row, kind) for row, kind in result]
 
 
-def list_all(session: Session, state: str, course: str | None) -> Iterator[tuple[Delivery, str]]:
-    """Every row in a state, of one course or of all, in the order of ids, each with the kind of its destination."""
+def list_all(session: Session, state: str, course: str | None) -> Iterator[tuple[Delivery, Destination]]:
+    """Every row in a state, of one course or of all, in the order of ids, each with its destination."""
     where = [Delivery.state == state, *([Delivery.course == course] if course is not None else [])]
     after = 0
     while rows := page(session, where, after, AT_ONCE):
-        yield from rows
+        for row, _ in rows:
+            yield row, session.get_one(Destination, row.destination)
         after = rows[-1][0].id
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
+from grader.commands.main import cli
 from grader.courses.people.erasure import erase_learner
 from grader.courses.people.identity import COOKIE
 from grader.courses.sending.outbox import send_scores
@@ -511,6 +512,17 @@ def test_a_column_that_a_launch_names_first_gets_the_score_that_is_known(pair: J
     assert deliver(pair) == [("z2", "cid", 0.0)]
     give_answer(cid, "q2", "5 ms")
     assert deliver(pair) == [("z1", "cid", 1.0), ("z2", "cid", 1.0)]
+
+
+def test_a_score_that_does_not_arrive_is_listed_with_its_platform(
+    pair: Joined, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    give_answer(open_link(pair, "fay", "link 1", "z1"), "q1", 1)
+    monkeypatch.setenv("GRADER_DATABASE_URL", pair.site.settings.database)
+    cli(["deliveries", "--course", pair.course, "--state", "waiting"], standalone_mode=False)
+    [line] = capsys.readouterr().out.splitlines()
+    assert line.split("\t")[7] == f"{pair.platform.origin} {pair.platform.origin}/columns/z1"
+    assert deliver(pair) == [("z1", "fay", 1.0)]
 
 
 def test_links_that_share_a_column_send_a_score_once(pair: Joined) -> None:

@@ -12,7 +12,8 @@ from grader.errors import Conflict, NotFound
 from grader.queue import jobs
 from grader.store import outbox
 from grader.store.engine.database import Database
-from grader.store.outbox import ALL, DEAD, Delivery, LinkedColumn, NotedRow
+from grader.store.outbox import ALL, DEAD, WEBHOOK, Delivery, Destination, LinkedColumn, NotedRow
+from grader.store.platforms import score_target
 from grader.store.results import LearnerAt
 
 REPLAY_MAX = 1000
@@ -70,6 +71,17 @@ def send_scores(
             outbox.expect(session, made, LearnerAt(course, learner, quiz, question))
         keys = outbox.list_results(session, course, quiz, learner)
         note(session, [key for key in keys if question in (ALL, key.question)], only=made)
+
+
+def name_receiver(session: Session, row: Delivery, destination: Destination) -> str:
+    """Says where a delivery goes: the URL of a webhook; for a score the platform, with the address of the column or of
+    the service where it is looked for. Empty for a score that goes to no platform now."""
+    if destination.kind == WEBHOOK:
+        return destination.url or ""
+    target = score_target(session, row)
+    if target is None:
+        return destination.url or ""
+    return f"{target.platform.issuer} {target.line_item_url or target.line_items_url}".rstrip()
 
 
 def replay(session: Session, who: Identity | None, delivery_id: int, course: str | None) -> Delivery:
