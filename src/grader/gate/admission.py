@@ -1,6 +1,7 @@
 """What is checked of every request before its route: host, identity, rate, origin and size. It is a middleware, and no
 dependency of the routes, because 401 comes before any error of body or path."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from urllib.parse import urlsplit
@@ -9,6 +10,7 @@ from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
+from starlette.routing import BaseRoute, Match
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grader.courses.people.identity import FAILED, CredentialCache, Identity, Role, authenticate
@@ -74,8 +76,8 @@ class AdmissionRules:
 class AdmissionMiddleware:
     """ASGI middleware. Routes find the Identity at `request.state.identity`; outside /api/v1 it may be None."""
 
-    def __init__(self, app: ASGIApp, database: Database, rules: AdmissionRules) -> None:
-        self.app, self.database, self.rules = app, database, rules
+    def __init__(self, app: ASGIApp, database: Database, rules: AdmissionRules, routes: Sequence[BaseRoute]) -> None:
+        self.app, self.database, self.rules, self.routes = app, database, rules, routes
         self.documents = CompressionMiddleware(ConditionalMiddleware(app))
         """The app for GET, whose answers may come again and be long."""
         self.recalled = CredentialCache()
@@ -117,10 +119,19 @@ class AdmissionMiddleware:
         if is_forgeable(scope, headers, identity) and not self._is_same_origin(scope, headers):
             raise Forbidden("A browser may send this from the service's own pages only.")
         if identity is not None and identity.scopes is not None and is_api(scope):
-            identity.require_scope(find_scope(scope["method"], scope["path"].removeprefix(PREFIX)))
+            self._require_scope(scope, identity)
         if "\0" in scope["path"] or b"%00" in scope["query_string"]:  # PostgreSQL keeps no NUL, and looks for none
             raise Unprocessable("An address has no character NUL.")
         scope.setdefault("state", {})["identity"] = identity
+
+    def _require_scope(self, scope: Scope, identity: Identity) -> None:
+        """Raises Forbidden if a restricted token may not do this. What no route does is left to the router, which says
+        so with 404 or 405: a token of more rights would be of no help."""
+        try:
+            identity.require_scope(find_scope(scope["method"], scope["path"].removeprefix(PREFIX)))
+        except Forbidden:
+            if any(route.matches(scope)[0] is Match.FULL for route in self.routes):
+                raise
 
     async def _identify(self, scope: Scope, headers: Headers) -> Identity:
         """The user, by token or cookie; outside /api/v1 by cookie alone. Raises Unauthorized. An answer is asked for

@@ -67,7 +67,7 @@ def create_app(settings: Settings, graders: Graders | None = None, is_ending: Ca
     openapi.install(app, settings.origin if settings.public_origin else None)
     # `add_middleware` would put ours behind FastAPI's own, which an answer does not need and waits for.
     answers = ShortAnswersMiddleware(app.build_middleware_stack(), services)
-    admitted = AdmissionMiddleware(answers, services.database, services.admission)
+    admitted = AdmissionMiddleware(answers, services.database, services.admission, app.routes)
     app.middleware_stack = RequestsMiddleware(admitted)
     if settings.trusted_proxies:
         hosts = list(map(str, settings.trusted_proxies))
