@@ -277,6 +277,8 @@ def test_410_disables_a_webhook_until_it_is_enabled(site: Site, teacher: httpx.C
         assert teacher.post(f"{path}:replay").json() == {"replayed": 2}
         work(database_of(site), SENDERS)
     assert len(receiver.got) == 3
+    feed = site.client("lms", "service").get(f"{API}/results").json()["items"]
+    assert {row["user"] for row in feed} == {"ann", "bob", "cem"}  # what was missed
 
 
 def test_while_a_secret_is_rotated_either_one_verifies(site: Site, teacher: httpx.Client) -> None:

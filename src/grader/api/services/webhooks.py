@@ -127,7 +127,8 @@ def rotate_webhook_secret(webhook_id: str, who: Staff, services: AppServices) ->
 
 @router.post("/webhooks/{webhook_id}:enable", response_model=WebhookView, responses=refusals(401, 403, 404, 422, 429))
 def enable_webhook(webhook_id: str, who: Staff, services: AppServices) -> dict[str, Any]:
-    """Delivers again to a receiver that had answered 410."""
+    """Delivers again to a receiver that had answered 410. What has changed in the meantime is not sent: read `/results`
+    from the last cursor on."""
     with services.database.write() as session:
         return describe_webhook(webhooks.enable(session, who, webhook_id))
 
