@@ -307,6 +307,24 @@ def test_a_claim_that_cannot_be_measured_is_a_fault(change: dict[str, Any], key:
     assert any(fault.key.endswith(key) and why in fault.why for fault in faults), faults
 
 
+def test_a_claim_that_one_case_alone_does_not_have_is_told_with_that_case() -> None:
+    claim = {"name": "down", "quantity": "crossing", "expr": "data.qpos[0]", "level": -0.05, "direction": "down",
+             "unit": "s"}  # fmt: skip
+    cases = [
+        {"id": "a", "xml": SPRING, "start": {"qpos": [0.1]}},
+        {"id": "h", "hidden": True, "xml": SPRING, "start": {"qpos": [0.1]}, "set": {"damping": [0.8, 40]}},
+    ]
+    question = pose(
+        claims=[claim], cases=cases, numbers={"damping": {"element": "joint[@name='x']", "attribute": "damping"}}
+    )
+    (fault,) = check_exercise(question, lambda _: "", "q.json")
+    assert fault.key == "spring.check.claims.0"
+    assert fault.why.startswith("case h, at the upper end of its ranges (damping = 40): the run has no crossing")
+    question = pose(claims=[{**claim, "level": -5}], cases=[cases[0], {**cases[0], "id": "b"}])
+    (fault,) = check_exercise(question, lambda _: "", "q.json")
+    assert fault.why.startswith("the run has no crossing")  # of no case in particular
+
+
 def test_every_claim_that_cannot_be_measured_is_told_at_once() -> None:
     claims = [{**RATE, "name": name, "expr": expr} for name, expr in (("a", "data.qpos[7]"), ("b", "data.qvel[9]"))]
     faults = check_exercise(pose(claims=[claims[0], RATE, claims[1]]), lambda _: "", "q.json")

@@ -422,9 +422,9 @@ def test_a_fault_is_told_once_at_its_own_key() -> None:
     changes: dict[str, Any] = {"numbers": {"kp": {"element": "motor[@name='x']", "attribute": "kp"}}, "cases": cases}
     assert [fault.key for fault in check_exercise(with_check(SERVO, **changes), model_xml, "f")] == [
         "servo-threshold.check.cases.0.set.mas",
-        "servo-threshold.check.numbers.kp.element",
         "servo-threshold.check.cases.2.id",
         "servo-threshold.check.cases.2.set.mas",
+        "servo-threshold.check.numbers.kp.element",
     ]
 
 

@@ -2,7 +2,7 @@
 
 import ast
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -92,20 +92,8 @@ def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content
     """Rehearses the trials of every case; yields key and reason of every parameter that cannot work."""
     if not kind.runs_wrong_programs:
         yield from find_wrong_scripts(parameters, content)
-    ids = [case.id for case in parameters.cases]
-    trials: list[AnyTrial] = []
-    for index, case in enumerate(parameters.cases):
-        key = f"cases.{index}"
-        if case.id in ids[:index]:
-            yield f"{key}.id", f"{case.id} is used twice; give each case its own id"
-        if unknown := list(find_unknown_numbers(parameters, case, key)):
-            yield from unknown
-            continue
-        try:
-            trials.extend(rehearse_case(kind, parameters, content, index, kind.rehearse))
-        except Exception as error:  # code of another package: anything may be raised
-            wrong = find_wrong_number(parameters, case, content, key)
-            yield from [wrong] if wrong else explain_case(kind, error, key)
+    ids, trials = [case.id for case in parameters.cases], list[AnyTrial]()
+    yield from find_wrong_cases(kind, parameters, content, trials)
     ids_of_trials = [trial.id for trial in trials] if len({*ids}) == len(ids) else []  # else the case is the fault
     if repeated := next((id_ for id_ in ids_of_trials if ids_of_trials.count(id_) > 1), None):
         yield "", f"the kind makes several trials with the id {repeated!r}: its build_trials must name each by its case"
@@ -117,15 +105,80 @@ def find_wrong_parameters(kind: AnyKind, parameters: ExerciseParameters, content
             yield getattr(error, "key", ""), explain_refusal(kind, error)
 
 
+def find_wrong_cases(
+    kind: AnyKind, parameters: ExerciseParameters, content: Content, trials: list[AnyTrial]
+) -> Iterator[tuple[str, str]]:
+    """Adds the trials of every case to `trials`; yields key and reason of what is wrong with a case."""
+    ids = [case.id for case in parameters.cases]
+    refused: dict[tuple[str, str], dict[str, str]] = {}
+    for index, case in enumerate(parameters.cases):
+        key = f"cases.{index}"
+        if case.id in ids[:index]:
+            yield f"{key}.id", f"{case.id} is used twice; give each case its own id"
+        if unknown := list(find_unknown_numbers(parameters, case, key)):
+            yield from unknown
+            continue
+        try:
+            trials.extend(rehearse_case(kind, parameters, content, index, kind.rehearse))
+        except Exception as error:  # code of another package: anything may be raised
+            end = find_end(kind, parameters, content, index)
+            for fault in list_faults(kind, parameters, content, index, error=error):
+                refused.setdefault(fault, {})[case.id] = end
+    yield from name_cases(refused, ids)
+
+
 def find_key(error: Exception, case: str) -> str:
     """Returns the key of what an error is about, below `check`; `case` is that of the case."""
     return f"{case}.{error.key_in_case}" if isinstance(error, WrongInCase) else str(getattr(error, "key", case))
 
 
-def explain_case(kind: AnyKind, error: Exception, key: str) -> Iterator[tuple[str, str]]:
-    """Yields key and reason of what an error of a case is about."""
-    for wrong in error.errors if isinstance(error, WrongParameters) else [error]:
-        yield find_key(wrong, key), explain_refusal(kind, wrong)
+def list_faults(
+    kind: AnyKind, parameters: ExerciseParameters, content: Content, index: int, *, error: Exception
+) -> list[tuple[str, str]]:
+    """Returns key and reason of what an error of a case is about."""
+    key = f"cases.{index}"
+    if wrong := find_wrong_number(parameters, parameters.cases[index], content, key):
+        return [wrong]
+    errors = error.errors if isinstance(error, WrongParameters) else [error]
+    return [(find_key(each, key), explain_refusal(kind, each)) for each in errors]
+
+
+def name_cases(refused: Mapping[tuple[str, str], Mapping[str, str]], ids: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yields key and reason of what is refused, by the ids of cases and the ends of their ranges. The cases are named
+    where the key does not, and only some of them are refused or at one end only."""
+    for (key, why), places in refused.items():
+        is_everywhere = {*ids} == {*places} and not any(places.values())
+        if key.startswith("cases.") or is_everywhere:
+            yield key, why
+        else:
+            yield key, f"case {' and case '.join(f'{id_}{end}' for id_, end in places.items())}: {why}"
+
+
+def find_end(kind: AnyKind, parameters: ExerciseParameters, content: Content, index: int) -> str:
+    """Returns at which end of its ranges a refused case is refused, with the numbers that are set there; empty where it
+    has no ranges, or is refused at both."""
+    case = parameters.cases[index]
+    ends = list_ends(case)
+    if len(ends) == 1:
+        return ""
+    wrong = [which for which, end in zip(("lower", "upper"), ends, strict=True)
+             if not can_be_rehearsed(kind, parameters, content, index, end)]  # fmt: skip
+    if len(wrong) != 1:
+        return "" if wrong else ", between the ends of its ranges"
+    drawn = ends[wrong[0] == "upper"].set
+    numbers = ", ".join(f"{name} = {value:g}" for name, value in drawn.items() if case.set[name] != value)
+    return f", at the {wrong[0]} end of its ranges{f' ({numbers})' if numbers else ''}"
+
+
+def can_be_rehearsed(
+    kind: AnyKind, parameters: ExerciseParameters, content: Content, index: int, drawn: Case
+) -> bool:  # fmt: skip
+    """Whether a case with these numbers passes what `rehearse_drawn` tries."""
+    try:
+        rehearse_drawn(kind, parameters, content, index, drawn, rehearse=kind.rehearse)
+    except Exception:  # code of another package: anything may be raised
+        return False
+    return True
 
 
 def find_wrong_number(parameters: ExerciseParameters, case: Case, content: Content, key: str) -> tuple[str, str] | None:
@@ -192,10 +245,19 @@ def rehearse_case(
     ends = [end for end in list_ends(case) if end != case]
     trials: Sequence[AnyTrial] = ()
     for drawn in (*ends, case):
-        trials = build_case_trials(kind, parameters, drawn, content, [SEED, index])
-        for trial in trials:
-            check_inputs(trial)
-            rehearse(parameters, trial)
+        trials = rehearse_drawn(kind, parameters, content, index, drawn, rehearse=rehearse)
+    return trials
+
+
+def rehearse_drawn(
+    kind: AnyKind, parameters: ExerciseParameters, content: Content, index: int, drawn: Case, *, rehearse: Rehearse
+) -> Sequence[AnyTrial]:
+    """Builds the trials of a case, whose ranges may be numbers, and calls `rehearse` with each; returns them. Raises as
+    `rehearse_case` does."""
+    trials = build_case_trials(kind, parameters, drawn, content, [SEED, index])
+    for trial in trials:
+        check_inputs(trial)
+        rehearse(parameters, trial)
     return trials
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from difflib import get_close_matches
 from typing import Any
 
 import mujoco
@@ -13,14 +14,38 @@ from grader.expressions.machine import Machine
 from grader.expressions.mathematics import Numeric, find_largest, find_smallest
 from grader.expressions.values import UNDEFINED, Record, RunError, Value, Vector
 
+COUNTS = {"body": "nbody", "joint": "njnt", "geom": "ngeom", "site": "nsite", "sensor": "nsensor"}
+"""How many named objects of a kind a model has."""
+
+NAMES_MAX = 12
+"""Names that a sentence lists."""
+
+SEARCHED_MAX = 500
+"""Names, and characters of a wrong one, among which the one is sought that was meant."""
+
 
 def _find_id(m: Machine, kind: str, name: Value) -> int:
     """Returns the index of a named object. Raises RunError where the model has none of that name."""
     text = values.from_units(values.to_string(name))
     index: int = mujoco.mj_name2id(m.model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), text)
     if index < 0:
-        raise RunError(f"the model has no {kind} named {text!r}")
+        raise RunError(f"the model has no {kind} named {text!r}{_suggest(m, text, kind)}")
     return index
+
+
+def _suggest(m: Machine, text: str, *kinds: str) -> str:
+    """Returns the name that was meant, or the first that there are, for the end of a sentence on a wrong name."""
+    there = [
+        name
+        for kind in kinds
+        for index in range(min(SEARCHED_MAX, getattr(m.model, COUNTS[kind])))
+        if (name := mujoco.mj_id2name(m.model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), index))
+    ]
+    if near := get_close_matches(text[:SEARCHED_MAX], there, n=1):
+        return f": did you mean {near[0]!r}?"
+    if not there:
+        return ", and none with a name"
+    return f"; there are: {', '.join(there[:NAMES_MAX])}{', ...' if len(there) > NAMES_MAX else ''}"
 
 
 def _view(m: Machine, kind: str, name: Value) -> Any:
@@ -91,7 +116,7 @@ def _rows_of_jacobian(m: Machine, name: Value, columns: Value) -> NDArray[np.flo
     site = mujoco.mj_name2id(m.model, mujoco.mjtObj.mjOBJ_SITE, text)
     body = mujoco.mj_name2id(m.model, mujoco.mjtObj.mjOBJ_BODY, text)
     if site < 0 and body < 0:
-        raise RunError(f"the model has no site or body named {text!r}")
+        raise RunError(f"the model has no site or body named {text!r}{_suggest(m, text, 'site', 'body')}")
     _pay_for(m, 6)
     rows = np.zeros((6, m.model.nv))
     if site >= 0:
