@@ -152,10 +152,10 @@ def solve(columns: Floats, asked: Floats, free: Mask, fits: float) -> tuple[Floa
     return gains, float(solution[-1])
 
 
-def measure_loads(problem: Problem, record: Record) -> list[Loads]:
+def measure_loads(problem: Problem, record: Record, *, of_others: bool) -> list[Loads]:
     """Returns, for each control, what may hold the model, as the learner has it, against gravity in each period: at
     rest, and with the forces of its motion, as data.qfrc_bias has them. Of a control that acts on no joint of one
-    number there is nothing."""
+    number there is nothing. With `of_others`, also what holds the joints of the other controls, if these are few."""
     model = problem.model
     data, forces = mujoco.MjData(model), np.empty((2, len(record.qpos), model.nv))
     for index, (qpos, qvel) in enumerate(zip(record.qpos, record.qvel, strict=True)):
@@ -171,7 +171,7 @@ def measure_loads(problem: Problem, record: Record) -> list[Loads]:
     dofs = [find_dof(model, actuator) for actuator in range(model.nu)]
     loads: list[Loads] = []
     for actuator, own in enumerate(dofs):
-        others = [dof for dof in dofs if dof not in (None, own)] if model.nu <= OTHERS_MAX else []
+        others = [dof for dof in dofs if dof != own] if of_others and model.nu <= OTHERS_MAX else []
         gear = model.actuator_gear[actuator, 0]
         known = [dof for dof in (own, *others) if dof is not None and gear]
         loads.append([source[:, dof] / gear for dof in known for source in sources])

@@ -164,7 +164,9 @@ def ignores_target(parameters: ControllerParameters, judged: Sequence[Judged]) -
     for trial, record in ((each, record) for each in judged for record in each.judgement.outcome.records):
         if record.fault or np.ptp(record.target) > 0:
             continue
-        laws = fit_laws(record, track=track, has_target=True, loads=measure_loads(trial.problem, record))
+        laws = fit_laws(
+            record, track=track, has_target=True, loads=measure_loads(trial.problem, record, of_others=False)
+        )
         if are_all_known(laws) and not any(law.integral or law.differentiates for law in laws):
             by_target[float(record.target[0])] = [law.constant for law in laws]
     constants = np.array([*by_target.values()])
@@ -184,9 +186,8 @@ def find_sentences(parameters: ControllerParameters, judged: Judged, record: Rec
         yield HELD if limited else NOTHING
         return
     track = find_columns(parameters, judged.problem)[parameters.track]
-    laws = fit_laws(
-        record, track=track, has_target=parameters.has_target, loads=measure_loads(judged.problem, record)
-    )  # fmt: skip
+    loads = measure_loads(judged.problem, record, of_others=True)
+    laws = fit_laws(record, track=track, has_target=parameters.has_target, loads=loads)
     exact, rough = laws if are_all_known(laws) else None, fit_roughly(parameters, record, track, laws)
     if aims_in_degrees(parameters, judged.problem, record, rough):
         yield TARGET_DEGREES
@@ -263,16 +264,17 @@ def are_exchanged(parameters: ControllerParameters, problem: Problem, laws: Laws
     """Whether each control follows the joints of other actuators, and not its own. It is asked of two joints or more
     whose readings are used: one alone may be meant to act on another, as a cart does on its pole."""
     columns, model = find_columns(parameters, problem), problem.model
-    actuators = {find_dof(model, actuator): actuator for actuator in range(model.nu)}
+    dofs = [find_dof(model, actuator) for actuator in range(model.nu)]
     owners: set[int] = set()
     for name in parameters.observe:
         sensor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)
         if sensor < 0 or model.sensor_type[sensor] not in READS_JOINTS:
             continue
-        owner = actuators.get(int(model.jnt_dofadr[model.sensor_objid[sensor]]))
+        dof = int(model.jnt_dofadr[model.sensor_objid[sensor]])
         user, gain = find_gain(laws, columns[name])
-        if owner is None or not gain or not np.isfinite(gain):
+        if dofs.count(dof) != 1 or not gain or not np.isfinite(gain):
             continue
+        owner = dofs.index(dof)
         own = abs(laws[owner].gains[columns[name]]) / laws[owner].size
         if owner == user or own > PLAIN * abs(gain) / laws[user].size:
             return False
