@@ -310,7 +310,7 @@ def test_a_claim_that_cannot_be_measured_is_a_fault(change: dict[str, Any], key:
 def test_a_claim_that_one_case_alone_does_not_have_is_told_with_that_case() -> None:
     claim = {"name": "down", "quantity": "crossing", "expr": "data.qpos[0]", "level": -0.05, "direction": "down",
              "unit": "s"}  # fmt: skip
-    cases = [
+    cases: list[dict[str, Any]] = [
         {"id": "a", "xml": SPRING, "start": {"qpos": [0.1]}},
         {"id": "h", "hidden": True, "xml": SPRING, "start": {"qpos": [0.1]}, "set": {"damping": [0.8, 40]}},
     ]
