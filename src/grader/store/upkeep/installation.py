@@ -5,6 +5,7 @@ import secrets
 from sqlalchemy import delete
 from sqlalchemy.orm import Session
 
+from grader.store.engine.bulk import get_insert
 from grader.store.engine.database import Database
 from grader.store.tables import InstallationFact, InstallationSecret
 
@@ -36,8 +37,9 @@ def _secret(database: Database, name: str) -> bytes:
 
 
 def note_origin(session: Session, origin: str) -> None:
-    """Keeps the origin at which the server that has just started is reached."""
-    session.merge(InstallationFact(name=ORIGIN, value=origin))
+    """Keeps the origin at which the server that has just started is reached. Several servers may start at once."""
+    row = get_insert(session.get_bind().dialect.name)(InstallationFact).values(name=ORIGIN, value=origin)
+    session.execute(row.on_conflict_do_update(index_elements=["name"], set_={"value": origin}))
 
 
 def find_origin(session: Session) -> str | None:
