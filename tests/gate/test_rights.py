@@ -84,6 +84,7 @@ BODIES: dict[str, Any] = {
     "PUT /quizzes/{quiz_id}/extensions": {"user": "ann", "attempts": 1},
     "POST /regrades": {"quiz": "small", "scope": "all"},
     "POST /lti/platforms": {**PLATFORM, "client_id": "another"},
+    "POST /lti/platforms/{platform_id}:approve": {"deployment_id": "1"},
     "POST /webhooks": {"url": HOOK},
     "POST /courses": {"name": "a new one"},
     "POST /devices": {"client_name": "a laptop"},

@@ -203,6 +203,20 @@ def test_registration_needs_a_link(pair: Joined, other: Platform) -> None:
 # API
 
 
+def test_one_deployment_is_approved_alone(pair: Joined) -> None:
+    admin = pair.site.client("root", "instructor", "default")
+    made = admin.post(f"{API}/lti/platforms", json=by_hand(deployment_id="a")).json()
+    path = f"{API}/lti/platforms/{made['id']}:approve"
+    with pair.database.write() as session:
+        platforms.note_deployment(session, made["id"], "b")
+    for wrong in ({"deployment": "zz"}, {"deployment_id": ""}, {"deployment_id": 7}, {"deployment_id": "x" * 256}, []):
+        assert admin.post(path, json=wrong).status_code == 422, wrong
+    shown = admin.post(path, json={"deployment_id": "b"}).json()
+    assert shown["approved"]
+    assert {one["deployment_id"]: one["approved"] for one in shown["deployments"]} == {"a": False, "b": True}
+    assert all(one["approved"] for one in admin.post(path, json={}).json()["deployments"])
+
+
 def test_platforms_belong_to_the_installation(pair: Joined) -> None:
     elsewhere = pair.site.client("tina", "instructor", pair.course)
     for method, path in (("GET", "platforms"), ("POST", "registrations"), ("POST", "platforms/1:approve"),

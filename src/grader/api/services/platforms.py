@@ -7,7 +7,7 @@ from fastapi import Depends, Request
 from pydantic import Field
 
 from grader.api.bodies import RequestBody, ResponseBody
-from grader.api.paging import Cut, Page, RowId
+from grader.api.paging import NO_NUL, Cut, Page, RowId
 from grader.courses.people import platforms as rules
 from grader.courses.people.identity import Identity
 from grader.errors import NotFound
@@ -45,6 +45,12 @@ class PlatformBody(RequestBody):
     token_audience: str = Field(default="", max_length=TEXT)
     deployment_id: str | None = Field(default=None, min_length=1, max_length=255)
     origins: list[str] = Field(default_factory=list, max_length=20)
+
+
+class ApprovalBody(RequestBody):
+    """Which deployment of a platform is approved; all that wait if it names none."""
+
+    deployment_id: str | None = Field(default=None, min_length=1, max_length=255, pattern=NO_NUL)
 
 
 class DeploymentView(ResponseBody):
@@ -111,11 +117,19 @@ def add_platform(body: PlatformBody, who: Administrator, services: AppServices) 
         return administration.describe_platform(session, rules.add(session, who, given, body.deployment_id))
 
 
-@router.post("/platforms/{platform_id}:approve", response_model=PlatformView, responses=CHANGED)
-def approve_platform(platform_id: RowId, who: Administrator, services: AppServices) -> dict[str, Any]:
-    """Approves a platform, and its deployments that wait."""
+@router.post(
+    "/platforms/{platform_id}:approve",
+    response_model=PlatformView,
+    responses=refusals(401, 403, 404, 409, 413, 422, 429),
+)
+def approve_platform(
+    platform_id: RowId, who: Administrator, services: AppServices, body: ApprovalBody | None = None
+) -> dict[str, Any]:
+    """Approves a platform, and its deployments that wait. With `deployment_id` this one alone, also before it is heard
+    of."""
+    deployment_id = None if body is None else body.deployment_id
     with services.database.write() as session:
-        return administration.describe_platform(session, rules.approve(session, who, platform_id))
+        return administration.describe_platform(session, rules.approve(session, who, platform_id, deployment_id))
 
 
 @router.delete("/platforms/{platform_id}", status_code=204, responses=CHANGED)
