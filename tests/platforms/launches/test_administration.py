@@ -209,7 +209,14 @@ def test_one_deployment_is_approved_alone(pair: Joined) -> None:
     path = f"{API}/lti/platforms/{made['id']}:approve"
     with pair.database.write() as session:
         platforms.note_deployment(session, made["id"], "b")
-    for wrong in ({"deployment": "zz"}, {"deployment_id": ""}, {"deployment_id": 7}, {"deployment_id": "x" * 256}, []):
+    bodies: list[Any] = [
+        {"deployment": "zz"},
+        {"deployment_id": ""},
+        {"deployment_id": 7},
+        {"deployment_id": "x" * 256},
+        [],
+    ]
+    for wrong in bodies:
         assert admin.post(path, json=wrong).status_code == 422, wrong
     shown = admin.post(path, json={"deployment_id": "b"}).json()
     assert shown["approved"]
