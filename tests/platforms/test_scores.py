@@ -34,7 +34,7 @@ from grader.queue.worker import JobOutcome, Worker
 from grader.settings import Settings
 from grader.store import extensions
 from grader.store.engine.database import Database
-from grader.store.outbox import SCORES, Delivery
+from grader.store.outbox import SCORES, Delivery, Destination, LinkedColumn
 from grader.store.tables import Member, Result, now
 from platforms.classes import COURSE, Class
 from platforms.profiles import BLACKBOARD, CANVAS_LMS, MOODLE, PROFILES, Grade, Profile, Simulated, place, simulated
@@ -225,6 +225,27 @@ def test_what_a_learner_has_before_the_first_launch_is_sent_then(make: MakeCours
     course.deliver()
     assert [(one["scoreGiven"], one["scoreMaximum"]) for one in course.platform.taken] == [(1.0, 4.0), (1.0, 1.0)]
     assert [item["label"] for item in course.platform.items.values()] == ["A small quiz", "A small quiz: q2"]
+
+
+@both
+def test_the_column_of_a_link_gets_the_scores_of_those_who_opened_it(make: MakeCourse) -> None:
+    course = make()
+    course.enrol(["bob"])
+    ann, bob = course.learners
+    course.answer([(one, "q1", 1) for one in course.learners])
+    course.deliver()
+    course.platform.taken.clear()
+    with course.database.write() as session:
+        for link, who in (("x", ann), ("y", bob), ("x", ann)):
+            column = LinkedColumn(link, f"https://lms.example/{link}")
+            send_scores(course.database, session, COURSE, "small", "q2", learner=who.id, column=column)
+    course.answer([(one, "q2", "5 ms") for one in course.learners])
+    with course.database.read() as session:
+        columns = select(Destination.url, Delivery.learner).join(Delivery, Delivery.destination == Destination.id)
+        opened = session.execute(columns.where(Delivery.question == "q2")).all()
+    assert sorted(map(tuple, opened)) == sorted([("https://lms.example/x", ann.id), ("https://lms.example/y", bob.id)])
+    course.deliver()
+    assert len([one for one in course.platform.taken if one["scoreMaximum"] == 1.0]) == 2
 
 
 @both

@@ -97,6 +97,7 @@ class Delivering:
             reply = asyncio.run(started.sender.send(started.prepared))
         if isinstance(reply, Again) and reply.is_slow:
             self._rests_until[started.receiver] = time.monotonic() + self.rest_s
+            log.warning("a receiver did not answer in time, and rests", receiver=started.receiver, rest_s=self.rest_s)
         return JobOutcome(lambda session: self._store(session, started, reply))
 
     def give_up(self, started: StartedDelivery) -> JobOutcome:
