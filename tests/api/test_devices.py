@@ -101,9 +101,10 @@ def test_a_device_gets_a_token_once_its_owner_has_allowed_it(either_site: Site) 
 def test_a_token_of_a_device_may_do_nothing_but_read_and_answer(site: Site) -> None:
     token = token_of(site.anonymous(), open_browser(site, "tina", Role.INSTRUCTOR))
     program = site.anonymous({"Authorization": f"Bearer {token['access_token']}"})
-    for route in ("members", "tokens", "reviews", "gradebook.csv", "audit", "content"):
+    for route in ("members", "tokens", "reviews", "gradebook.csv", "audit", "regrades"):
         assert program.get(f"{API}/{route}").status_code == 403
     assert program.post(f"{API}/tokens", json={"user": "x", "role": "student"}).status_code == 403
+    assert program.get(f"{API}/content").status_code == 404  # no route: another token would not help
 
 
 def test_hasty_questions_are_told_to_slow_down_and_to_wait_longer_each_time(site: Site) -> None:
