@@ -225,3 +225,5 @@ def test_a_tolerance_that_takes_almost_anything_is_a_remark() -> None:
         question = NumberQuestion(id="q", kind="numeric", q="How far?", answer=1.2, tol=tolerance)
         remarks = [remark.why for remark in kind_of(question).warnings(question) if remark.key == "tol"]
         assert (told is None and not remarks) or (told is not None and told in remarks[0])
+    zero = NumberQuestion(id="q", kind="numeric", q="How far?", answer=0, tol=0.1)
+    assert list(kind_of(zero).warnings(zero)) == []

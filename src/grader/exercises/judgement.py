@@ -62,8 +62,8 @@ EXACT = re.compile(r"\b(Decimal|Fraction|mpf)\(")
 
 
 def tell_to_convert(text: str) -> str:
-    """Returns how a sentence on what is no finite number ends, from the text of what was returned: what to do where
-    that holds exact numbers, else nothing."""
+    """Returns the end of the sentence on results that are no finite numbers: what to do about exact numbers, if the
+    text of the results has any; else nothing."""
     exact = EXACT.search(text)
     return f": convert each {exact[1]} by float(...) before you return it" if exact else ""
 

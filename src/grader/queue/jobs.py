@@ -5,7 +5,7 @@ jobs are ordered in rounds, and a round holds at most one job of each share (a l
 round in which its place is behind the head of the queue and which holds no job of its share. Since places never move
 up, a share's next job waits for at most one job of every other share. A claim reads one entry of an index, however
 long the queue is. Of the topic `deliver` an owner has at most one job of each share in progress: a share is a receiver,
-and one that answers slowly must not take all the threads.
+and one that answers slowly must not take all the threads. A claim passes over the jobs of receivers that are busy.
 
 A job in progress has an owner, and no time limit. Times are those of the database's clock, and only jobs that were
 delayed have them; a clock that is set back makes those due at once.
@@ -48,9 +48,6 @@ GRADE, REGRADE, DELIVER, PRUNE = TOPICS = ("grade", "regrade", "deliver", "prune
 
 NEWS = "jobs"
 """The channel on which new jobs are announced, by topic."""
-
-AT_ONCE = 500
-"""Jobs that are changed in one statement."""
 
 STOPS = "stops"
 """The channel on which it is announced that jobs in progress are to stop."""
@@ -239,11 +236,9 @@ def hurry(session: Session, topic: str, subjects: Sequence[str]) -> None:
 def delay(session: Session, topic: str, share: str, delay_s: float) -> None:
     """Makes the waiting jobs of a share due no sooner than in `delay_s` seconds, but those that are being claimed."""
     sooner = or_(JobRow.due_at.is_(None), JobRow.due_at < Clock() + delay_s)
-    waiting = select(JobRow.id).where(*_is_waiting(topic, share), sooner)
-    ids = session.scalars(waiting.with_for_update(skip_locked=True)).all()
-    for start in range(0, len(ids), AT_ONCE):
-        some = JobRow.id.in_(ids[start : start + AT_ONCE])
-        session.execute(update(JobRow).where(some).values(delayed_at=Clock(), due_at=Clock() + delay_s))
+    waiting = select(JobRow.id).where(*_is_waiting(topic, share), sooner).with_for_update(skip_locked=True)
+    later = update(JobRow).where(JobRow.id.in_(waiting)).values(**_build_delay(delay_s))
+    session.execute(later, execution_options={"synchronize_session": False})
 
 
 def list_owned(session: Session) -> list[tuple[int, str]]:

@@ -196,10 +196,10 @@ def count_points(attempts: Sequence[Attempt], policy: Policy, extension: Extensi
     extension = extension or NO_EXTENSION
     points = [attempt.points * late_multiplier(policy, extension, attempt.at) for attempt in decided]
     if policy.counts == "average":
-        # What nobody has marked has no points yet, not 0 of them.
-        marked = [index for index, attempt in enumerate(decided) if attempt.status is not Status.NEEDS_REVIEW]
-        counting = marked or range(len(decided))
-        total, sources = math.fsum(points[i] for i in counting) / len(counting), [decided[i] for i in counting]
+        pairs = list(zip(decided, points, strict=True))
+        # An attempt that waits for a mark has no points yet.
+        counting = [pair for pair in pairs if pair[0].status is not Status.NEEDS_REVIEW] or pairs
+        total, sources = math.fsum(share for _, share in counting) / len(counting), [each for each, _ in counting]
     else:
         index = points.index(max(points)) if policy.counts == "best" else -1
         total, sources = points[index], [decided[index]]

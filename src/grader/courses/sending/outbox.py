@@ -75,10 +75,8 @@ def send_scores(
 
 def name_receiver(session: Session, row: Delivery, destination: Destination) -> str:
     """Says where a delivery goes: the URL of a webhook; for a score the platform, with the address of the column or of
-    the service where it is looked for. Empty for a score that goes to no platform now."""
-    if destination.kind == WEBHOOK:
-        return destination.url or ""
-    target = score_target(session, row)
+    the service where it is looked for. Of a score that goes to no platform now, the address that its link had."""
+    target = None if destination.kind == WEBHOOK else score_target(session, row)
     if target is None:
         return destination.url or ""
     return f"{target.platform.issuer} {target.line_item_url or target.line_items_url}".rstrip()

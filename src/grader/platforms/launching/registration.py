@@ -25,6 +25,7 @@ DESCRIPTION = "Quizzes and exercises with MuJoCo, graded by simulation."
 PLATFORM = "https://purl.imsglobal.org/spec/lti-platform-configuration"
 TOOL = "https://purl.imsglobal.org/spec/lti-tool-configuration"
 CREATED = (200, 201)
+UNUSABLE = "The address of the platform's configuration, openid_configuration, cannot be used."
 NO_HEADERS: Mapping[str, str] = {}
 
 
@@ -88,7 +89,7 @@ def tool_configuration(origin: str) -> dict[str, Any]:
 async def fetch_offer(requester: Requester, configuration_url: str, token: str) -> Offer:
     """Fetches a platform's configuration; nothing is registered yet. Raises Unprocessable."""
     if not is_of_platform(configuration_url):
-        raise Unprocessable("The address of the platform's configuration, openid_configuration, cannot be used.")
+        raise Unprocessable(UNUSABLE)
     if len(token) > TOKEN_CHARACTERS_MAX or not token.isprintable():
         raise Unprocessable("The platform's registration_token cannot be used.")
     configuration = await exchange(requester, CONFIGURATION, "GET", configuration_url)
@@ -101,8 +102,8 @@ async def fetch_offer(requester: Requester, configuration_url: str, token: str) 
 
 async def register(requester: Requester, offer: Offer, origin: str) -> RegistrationReply:
     """Registers this tool at a platform. Raises Unprocessable."""
-    bearer = {"Authorization": f"Bearer {offer.token}"} if offer.token else {}
-    headers = {"Content-Type": "application/json"} | bearer
+    headers = {"Content-Type": "application/json"}
+    headers |= {"Authorization": f"Bearer {offer.token}"} if offer.token else {}
     body = json.dumps(tool_configuration(origin)).encode()
     answer = await exchange(requester, REGISTRATION, "POST", offer.endpoint, headers, body=body)
     client_id, tool = read_id(answer.get("client_id")), answer.get(TOOL)

@@ -79,7 +79,7 @@ class Delivering:
             row.has_job = False
             return None
         row.state = WAITING
-        receiver, sender = name_receiver(destination), self.senders.get(destination.kind)
+        receiver, sender = identify_receiver(destination), self.senders.get(destination.kind)
         prepared: Any = Later(NO_SENDER_S)  # without a sender: another process may have one
         if (rest_s := self._rests_until.get(receiver, 0.0) - time.monotonic()) > 0:
             jobs.delay(session, jobs.DELIVER, destination.id, rest_s)
@@ -151,8 +151,9 @@ class Delivering:
         jobs.put(session, jobs.DELIVER, str(row.id), share=row.destination, delay_s=pause_s)
 
 
-def name_receiver(destination: Destination) -> str:
-    """Names who is slow if a destination is: a webhook alone, or the platform of a course with all its columns."""
+def identify_receiver(destination: Destination) -> str:
+    """Returns what destinations have in common that are slow together: a webhook is alone, and the columns of a course
+    are on one platform."""
     return destination.id if destination.kind == WEBHOOK else f"scores of {destination.course}"
 
 

@@ -28,7 +28,7 @@ from grader.platforms.launching.deep_linking import CHOICES_MAX, Choice, sign_re
 from grader.platforms.launching.launch import ContentSelection, Launch
 from grader.platforms.launching.login import launch_url
 from grader.platforms.launching.registration import PURPOSE as REGISTRATION
-from grader.platforms.launching.registration import fetch_offer, register
+from grader.platforms.launching.registration import UNUSABLE, fetch_offer, register
 from grader.store import platforms, tickets
 from grader.store.platforms import Context
 from grader.store.tables import Member
@@ -167,7 +167,7 @@ def show_registration(
         raise Unprocessable(NO_CONFIGURATION)
     origin = read_origin(openid_configuration)
     if not origin:
-        raise Unprocessable("The address of the platform's configuration, openid_configuration, cannot be used.")
+        raise Unprocessable(UNUSABLE)
     headers = PRIVATE | {POLICY: security_policy([origin])}
     fields = {"token": token, "openid_configuration": openid_configuration, "registration_token": registration_token}
     return page(request, "lti_register.html", 200, headers, platform_origin=origin, fields=fields)

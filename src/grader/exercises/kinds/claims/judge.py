@@ -111,9 +111,9 @@ def judge_interval(claim: Claim, got: Floats, measured: MeasuredClaim) -> tuple[
 
 
 def list_measurable(claim: Claim, measured: MeasuredClaim) -> list[tuple[float, float]]:
-    """Returns the ranges of the numbers that an interval may hold. Whoever takes two neighbouring samples of a run at
-    the model's own timestep brackets the number of that run, and whoever takes a shorter one a number nearer to the
-    limit: both have measured rightly where the two agree as well as the claim asks."""
+    """Returns the ranges of the numbers that an interval may hold. A run at the model's own timestep gives one number,
+    and ever shorter timesteps give another. A learner may measure any number between them, if the two agree as well as
+    the claim asks."""
     own = measured.own if claim.timestep == "both" else measured.values
     if np.abs(own - measured.values).max() > claim.allow(measured.values):
         own = measured.values  # drawn where the claim jumps: what is between the two is no measurement

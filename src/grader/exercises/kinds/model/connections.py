@@ -55,7 +55,7 @@ def vary_transmissions(reference: Reference) -> Iterator[Variant]:
             for name in names if own in actuator.attrib else ():
                 asked = actuator.get(own)
                 sentence = f'{label} acts on the {other} "{name}", where the {own} "{asked}" was asked for.'
-                yield from reference.edit(rename_to(own, other, name), [actuator], sentence[0].upper() + sentence[1:])
+                yield from reference.edit(rename_to(own, other, name), [actuator], sentence)
 
 
 def vary_contacts(reference: Reference) -> Iterator[Variant]:

@@ -83,7 +83,8 @@ class Reference:
         return f"an {kind}" if kind[0] in "aeiou" else f"a {kind}"
 
     def edit(self, change: Change, elements: Sequence[Element], sentence: str) -> Iterator[Variant]:
-        """Yields the model with a change of all of these elements, if there was something to change."""
+        """Yields the model with a change of all of these elements, if there was something to change. The sentence may
+        begin with a label."""
         places = [self.elements.index(element) for element in elements]
         root = copy.deepcopy(self.root)
         edited = list(root.iter())
@@ -92,7 +93,7 @@ class Reference:
             remove_hidden(root)
             only = elements[0] if len(elements) == 1 else None
             named = ("", "") if only is None else (only.tag, only.get("name", ""))
-            yield Variant(ET.tostring(root, encoding="unicode"), sentence, *named)
+            yield Variant(ET.tostring(root, encoding="unicode"), sentence[0].upper() + sentence[1:], *named)
 
     def exchange(self, name: str, one: Element, other: Element) -> Iterator[Variant]:
         """Yields the model in which two elements have each the other's value of an attribute, if these differ."""
@@ -120,8 +121,7 @@ class Reference:
     def edit_each(self, change: Change, elements: Sequence[Element], sentence: str) -> Iterator[Variant]:
         """Yields the model with a change of each element alone; `{}` of the sentence becomes what it is called."""
         for element in elements:
-            filled = sentence.format(self.label(element))
-            yield from self.edit(change, [element], filled[0].upper() + filled[1:])
+            yield from self.edit(change, [element], sentence.format(self.label(element)))
 
     def edit_both(self, change: Change, elements: Sequence[Element], sentence: str, each: str) -> Iterator[Variant]:
         """Yields the model with a change of all elements at once, and of each alone."""

@@ -270,7 +270,7 @@ def vary_actuators(reference: Reference) -> Iterator[Variant]:
         ]
         for element in others:
             text = f"{reference.label(element)} is a <{tag}>, where a <{element.tag}> was asked for."
-            yield from reference.edit(become(tag), [element], text[0].upper() + text[1:])
+            yield from reference.edit(become(tag), [element], text)
     yield from reference.edit_each(
         put("ctrllimited", "false", beside="ctrlrange"), actuators,
         "The ctrlrange of {} is not in force. Leave out ctrllimited=\"false\".",
@@ -292,9 +292,8 @@ def vary_missing(reference: Reference) -> Iterator[Variant]:
     if len(free) > 1:
         yield from reference.edit(hide, free, "No body has its freejoint, so that nothing can move them.")
     for element in (*reference.find("joint", "freejoint", "exclude", *TENDONS), *reference.find_in("equality")):
-        sentence = f"{reference.label(element)} is missing."
         uses = reference.find_uses(element) if element.tag in TENDONS else []
-        yield from reference.edit(hide, [element, *uses], sentence[0].upper() + sentence[1:])
+        yield from reference.edit(hide, [element, *uses], f"{reference.label(element)} is missing.")
 
 
 def vary_tree(reference: Reference) -> Iterator[Variant]:
@@ -319,8 +318,7 @@ def vary_shapes(reference: Reference) -> Iterator[Variant]:
     """Geoms of another type."""
     for element in reference.find("geom"):
         for kind in SHAPES - {element.get("type", "sphere")}:
-            sentence = f"The geom is a {kind}, where a {element.get('type', 'sphere')} was asked for."
-            sentence = sentence.replace("The geom", reference.label(element)[0].upper() + reference.label(element)[1:])
+            sentence = f"{reference.label(element)} is a {kind}, where a {element.get('type', 'sphere')} was asked for."
             yield from reference.edit(put("type", kind), [element], sentence)
 
 
@@ -334,7 +332,7 @@ def vary_exchanged(reference: Reference) -> Iterator[Variant]:
         label, own = reference.label(actuator), actuator.get("joint")
         for name in joints if own else ():
             sentence = f'{label} acts on the joint "{name}", where "{own}" was asked for.'
-            yield from reference.edit(put("joint", name), [actuator], sentence[0].upper() + sentence[1:])
+            yield from reference.edit(put("joint", name), [actuator], sentence)
     for tag, names in EXCHANGED.items():
         for one, other in combinations(reference.find(tag), 2):
             for name in names:

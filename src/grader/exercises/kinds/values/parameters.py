@@ -55,7 +55,7 @@ class Result(Strict):
 
 class Residual(Strict):
     """A function of the author's program that gets a call's arguments, then its results, and must return about 0.
-    `title` is what it computes, as learners are told."""
+    Learners read the `title` of what it computes."""
 
     function: str = Name
     title: str | None = Field(default=None, min_length=1)

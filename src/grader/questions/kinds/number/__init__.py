@@ -62,8 +62,8 @@ def target_warnings(target: Target) -> Iterator[Remark]:
         yield Remark("tol", "2 % of 0 is 0: give tol, or only an exact 0 is right")
     if target.answer and target.tolerance >= abs(target.answer):
         yield Remark("tol", "it is as large as the answer, so that 0 is right too: give a smaller one")
-    elif target.tolerance > abs(target.answer) * WIDE:
-        low, high = sorted((target.answer - target.tolerance, target.answer + target.tolerance))
+    elif target.answer and target.tolerance > abs(target.answer) * WIDE:
+        low, high = target.answer - target.tolerance, target.answer + target.tolerance
         yield Remark("tol", f"it is wide: everything from {low:.4g} to {high:.4g} is right; give a smaller one")
 
 
