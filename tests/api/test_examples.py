@@ -190,6 +190,7 @@ def record_reviews(scene: Scene) -> None:
     scene.record(tom, "PUT /submissions/{submission_id}/review/second", **submission, **second)
     scene.record(tina, "GET /reviews/disagreements")
     scene.record(tina, "POST /reviews:recompute", json=place)
+    scene.record(tom, "DELETE /submissions/{submission_id}/review", **submission, headers={"If-Match": "*"})
     scene.recorder.record(428, tina, "PUT /submissions/{submission_id}/review", **submission, json={"points": 1.0})
     stale: dict[str, Any] = {"headers": {"If-Match": '"stale"'}, "json": {"points": 1.0}}
     scene.recorder.record(412, tina, "PUT /submissions/{submission_id}/review", **submission, **stale)

@@ -100,7 +100,7 @@ submissions: create_submission list_submissions show_films show_submission stop_
 labs: run_lab
 devices: begin_device get_device_token
 reviews: list_reviews list_disagreements claim_review prolong_claim release_claim recompute_reviews show_review
-    put_review put_second_mark list_comments save_comment change_comment delete_comment
+    put_review withdraw_review put_second_mark list_comments save_comment change_comment delete_comment
     list_line_comments write_line_comment delete_line_comment
 dates: list_extensions put_extension publish_feedback withhold_feedback recount_results show_policy put_policy
 regrades: create_regrade list_regrades show_regrade cancel_regrade

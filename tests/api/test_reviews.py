@@ -9,6 +9,7 @@ import pytest
 
 from grader.courses.reviewing import reviews
 from grader.gate.admission import PREFIX as API
+from grader.store.regrades import find_reviewed
 from support.sites import Site
 
 
@@ -159,3 +160,43 @@ def test_a_script_that_is_still_graded_cannot_be_reviewed(site: Site) -> None:
         submissions.put_back(session, made["id"])
     assert claim(tina, submission_id=made["id"]).status_code == 409
     assert decide(tina, made["id"], "*", points=1).status_code == 409
+
+
+def withdraw(client: httpx.Client, submission_id: str, etag: str | None = "*") -> httpx.Response:
+    headers = {} if etag is None else {"If-Match": etag}
+    return client.delete(f"{API}/submissions/{submission_id}/review", headers=headers)
+
+
+def test_a_mark_is_taken_back_and_the_answer_waits_again(either_site: Site) -> None:
+    ann, tina = either_site.client("ann"), either_site.client("tina", "instructor")
+    made = hand_in(ann)
+    assert decide(tina, made["id"], "*", points=1.0, comment="Yes.").status_code == 200
+    assert withdraw(tina, made["id"], None).status_code == 428
+    assert withdraw(tina, made["id"], '"stale"').status_code == 412
+    done = withdraw(tina, made["id"])
+    assert (done.status_code, done.json()["status"]) == (200, "needs_review")
+    seen = ann.get(f"{API}/submissions/{made['id']}").json()
+    assert (seen["revision"], seen["verdict"]["status"], seen["verdict"]["points"]) == (3, "needs_review", 0.0)
+    assert "Yes." not in str(seen["verdict"])
+    assert waiting(tina) == [made["id"]]
+    again = withdraw(tina, made["id"])
+    assert (again.status_code, again.json()["detail"]) == (409, "No reviewer's mark counts for this submission.")
+    assert decide(tina, made["id"], "*", points=0.5).status_code == 200
+    assert waiting(tina) == []
+
+
+def test_what_the_grader_found_counts_again_and_regrades_apply_to_it(either_site: Site) -> None:
+    ann, tina = either_site.client("ann"), either_site.client("tina", "instructor")
+    made = hand_in(ann, "b", "q1")
+    own = made["verdict"]
+    assert decide(tina, made["id"], "*", points=1.0 - own["points"]).status_code == 200
+    with either_site.app.state.services.database.read() as session:
+        assert find_reviewed(session, [made["id"]]) == {made["id"]}
+    assert withdraw(tina, made["id"]).json()["verdict"] == own
+    results = either_site.client("lms", "service").get(f"{API}/results").json()["items"]
+    assert [result["points"] for result in results] == [own["points"], 1.0 - own["points"], own["points"]]
+    with either_site.app.state.services.database.read() as session:
+        assert find_reviewed(session, [made["id"]]) == set()
+    assert decide(tina, made["id"], "*", points=0.25).status_code == 200
+    with either_site.app.state.services.database.read() as session:
+        assert find_reviewed(session, [made["id"]]) == {made["id"]}

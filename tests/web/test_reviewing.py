@@ -198,6 +198,13 @@ def test_without_javascript_answers_are_claimed_decided_and_followed_by_the_next
     expect(form.get_by_label("Names the damping")).to_be_checked()
     expect(form.get_by_label("Comment for the learner")).to_have_value("Good.\nSee the bound.\nAnd kv.")
 
+    form.get_by_text("Take the mark back").click()
+    form.get_by_role("button", name="Take it back").click()
+    expect(una.get_by_role("status").first).to_have_text("Taken back: what the grader found counts again.")
+    expect(form.get_by_text("Take the mark back")).to_have_count(0)
+    client, one = sent[0]
+    assert client.get(f"{API}/submissions/{one}").json()["status"] == "needs_review"
+
 
 def test_an_answer_is_left_to_others_and_no_other_site_can_decide(
     settings: Settings, origin: str, browser: Chromium, clients: ExitStack

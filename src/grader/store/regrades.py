@@ -5,11 +5,11 @@ from collections.abc import Iterable, Sequence
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ForeignKey, Index, String, Text, func, insert, select, update
-from sqlalchemy.orm import Mapped, Session, mapped_column
+from sqlalchemy import ForeignKey, Index, String, Text, exists, func, insert, select, update
+from sqlalchemy.orm import Mapped, Session, aliased, mapped_column
 
 from grader.store.engine.ids import make_id
-from grader.store.submissions import NEWEST, STOP
+from grader.store.submissions import NEWEST, REVIEW, STOP, WITHDRAWN
 from grader.store.tables import ERASED, NAME, Base, Submission, VerdictRow, now
 
 QUEUED, RUNNING, DONE, CANCELLED, FAILED = "queued", "running", "done", "cancelled", "failed"
@@ -160,8 +160,13 @@ def at_place(session: Session, regrade_id: str, place: int) -> Sequence[RegradeI
 
 
 def find_reviewed(session: Session, ids: Sequence[str]) -> set[str]:
-    """Which of these submissions a person has decided: a reviewer, or the learner who stopped the script."""
-    decided = VerdictRow.cause.in_(("review", STOP))
+    """Which of these submissions a person has decided: a reviewer, who has not taken the mark back, or the learner who
+    stopped the script."""
+    later = aliased(VerdictRow)
+    taken_back = exists().where(
+        later.submission_id == VerdictRow.submission_id, later.revision > VerdictRow.revision, later.cause == WITHDRAWN
+    )
+    decided = (VerdictRow.cause == STOP) | ((VerdictRow.cause == REVIEW) & ~taken_back)
     rows = select(VerdictRow.submission_id).where(VerdictRow.submission_id.in_(ids), decided)
     return set(session.scalars(rows))
 

@@ -35,6 +35,9 @@ AT_REST = (GRADED, NEEDS_REVIEW)
 STOP = "stop"
 """The cause of the verdict on a script that its learner stopped. As a reviewer's, it stays when others are regraded."""
 
+REVIEW, WITHDRAWN = "review", "withdrawn"
+"""The causes of a reviewer's verdict, and of the grader's own that counts again after a reviewer took the mark back."""
+
 UNSETTLED = Submission.status != literal_column("'graded'")
 """The condition of the index of submissions that wait for a verdict or a person. Queries for these have it too."""
 

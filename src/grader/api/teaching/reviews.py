@@ -234,6 +234,29 @@ def put_review(
     return shown
 
 
+@router.delete(
+    "/submissions/{submission_id}/review", response_model=SubmissionView,
+    responses=refusals(401, 403, 404, 409, 412, 422, 428, 429),
+)  # fmt: skip
+def withdraw_review(
+    submission_id: str, who: Instructor, services: AppServices, response: Response, *, if_match: IfMatch = None
+) -> dict[str, Any]:
+    """Takes the marks back: the grader's own verdict counts again, and what only a person can grade waits again.
+
+    Regrades no longer leave the submission out. 409 where no reviewer's mark counts.
+    """
+    desk = services.desk_of(who.course)
+    with services.database.write() as session:
+        submission = find_visible(session, submission_id, who)
+        desk.hold(session, submission)
+        refuse_outdated(submission, if_match)
+        reviews.withdraw(desk, session, who, submission)
+        session.flush()
+        (shown,) = describe_for_reviewer(session, services, who, [submission], with_answer=True)
+    response.headers["ETag"] = compute_etag(submission)
+    return shown
+
+
 @router.put("/submissions/{submission_id}/review/second", responses=DECIDING)
 def put_second_mark(
     submission_id: str, body: ReviewBody, who: Instructor, services: AppServices, *, if_match: IfMatch = None

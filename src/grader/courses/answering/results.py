@@ -30,13 +30,13 @@ def append_verdict(
     reviewer: str | None = None
 ) -> None:  # fmt: skip
     """Adds a verdict as the submission's newest revision, and counts the learner's result again. What a reviewer wrote
-    goes to learning platforms, also where the points stay as they were."""
+    or took back goes to learning platforms, also where the points stay as they were."""
     database.lock_learner(session, submission.course, submission.learner)
     submissions.append_verdict(session, submission, verdict, cause, reviewer)
     session.flush()
     place = LearnerAt.from_submission(submission)
     is_revised = recount(session, library, place, NewSubmission(library, submission, verdict, place))
-    if cause == "review" and not is_revised:
+    if cause in (submissions.REVIEW, submissions.WITHDRAWN) and not is_revised:
         outbox.note(session, [place], kind=SCORES)
 
 

@@ -35,6 +35,7 @@ class Action(StrEnum):
     REVIEWED = "reviewed"
     CLAIMED = "review claimed"
     RELEASED = "review released"
+    REVIEW_WITHDRAWN = "review taken back"
     MARKED_SECOND = "marked a second time"
     RECOMPUTED = "review recomputed"
     COMMENT_SAVED = "comment saved"

@@ -25,11 +25,13 @@ from grader.questions import Question
 from grader.store import submissions
 from grader.store.reviewing import reviews
 from grader.store.reviewing.reviews import AGREED, DECIDED, DIFFERS, NONE, WAITING, Queue
-from grader.store.submissions import AT_REST, GRADED, SubmissionFilter
+from grader.store.submissions import AT_REST, GRADED, REVIEW, WITHDRAWN, SubmissionFilter
 from grader.store.tables import Review, ReviewClaim, Submission, now
 
 CLAIM = timedelta(minutes=15)
 """How long a claim holds after it was made or prolonged."""
+
+NO_MARK = "No reviewer's mark counts for this submission."
 
 FOLLOWING = "a change of the rubric"
 """The audit log's author of points that were recomputed without a request."""
@@ -116,12 +118,29 @@ def decide(desk: Desk, session: Session, who: Identity, submission: Submission, 
     require_third(session, submission, who)
     earlier = read_newest(session, submission)
     verdict = apply_mark(earlier, desk.question(submission), mark)
-    results.append_verdict(desk.database, desk.library, session, submission, verdict, cause="review", reviewer=who.user)
+    results.append_verdict(desk.database, desk.library, session, submission, verdict, cause=REVIEW, reviewer=who.user)
     review = record_decision(desk, session, submission)
     review.reviewer, review.name, review.points = who.id, who.user, verdict.points
     review.rubric = find_fingerprint(desk.question(submission), mark)
     record(session, who, who.course, Action.REVIEWED, submission.id, before=earlier.points, after=verdict.points)
     reviews.drop_claim(session, submission.id)
+    return verdict
+
+
+def withdraw(desk: Desk, session: Session, who: Identity, submission: Submission) -> Verdict:
+    """Takes the marks of an answer back: the newest verdict that is no person's counts again, and an answer that only a
+    person can grade waits again. Raises Conflict where no person's counts. The caller holds the submission."""
+    require_free(session, submission, who)
+    require_third(session, submission, who)
+    if not reviews.is_decided(session, submission):
+        raise Conflict(NO_MARK)
+    earlier = read_newest(session, submission)
+    verdict = Verdict.model_validate(reviews.graders_verdicts(session, [submission.id])[submission.id])
+    results.append_verdict(desk.database, desk.library, session, submission, verdict, cause=WITHDRAWN)
+    reviews.drop_review(session, submission.id)
+    reviews.drop_claim(session, submission.id)
+    record(session, who, who.course, Action.REVIEW_WITHDRAWN, submission.id, before=earlier.points,
+           after=verdict.points)  # fmt: skip
     return verdict
 
 

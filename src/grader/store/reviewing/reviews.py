@@ -110,6 +110,18 @@ def find_review(session: Session, submission_id: str) -> Review | None:
     return session.get(Review, submission_id)
 
 
+def drop_review(session: Session, submission_id: str) -> None:
+    """Deletes what is known of the review of the submission: its next mark is a first one."""
+    if review := session.get(Review, submission_id):
+        session.delete(review)
+
+
+def is_decided(session: Session, submission: Submission) -> bool:
+    """Whether the submission's newest verdict is a reviewer's."""
+    newest = select(VerdictRow.reviewer).join(Submission, NEWEST).where(Submission.id == submission.id)
+    return session.scalar(newest) is not None
+
+
 def find_of_submissions(session: Session, submissions: Iterable[str]) -> dict[str, Review]:
     """What is known of the reviews of submissions, by id; without those that have none."""
     rows = select(Review).where(Review.submission_id.in_(list(submissions)))

@@ -47,7 +47,14 @@ WAYS = {
 """How a member is found again, by the kind of the account."""
 
 SUBJECTS = {
-    "of_answers": {Action.CLAIMED, Action.RELEASED, Action.REVIEWED, Action.MARKED_SECOND, Action.RECOMPUTED},
+    "of_answers": {
+        Action.CLAIMED,
+        Action.RELEASED,
+        Action.REVIEWED,
+        Action.REVIEW_WITHDRAWN,
+        Action.MARKED_SECOND,
+        Action.RECOMPUTED,
+    },
     "of_members": {Action.SEEN_AS},
     "of_regrades": {Action.REGRADED, Action.REGRADE_CANCELLED},
 }

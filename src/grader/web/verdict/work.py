@@ -39,6 +39,7 @@ ATTEMPTS_MAX = 12
 AGAIN = {
     "regrade": "Graded again on {when}, after a change of the question or its key",
     "review": "Graded again by an instructor on {when}",
+    "withdrawn": "An instructor took a mark back on {when}",
     "rubric": "Graded again on {when}, after a change of the rubric",
 }
 """What is said of a verdict that replaced another, by its cause."""

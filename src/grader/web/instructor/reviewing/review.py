@@ -124,6 +124,9 @@ def act(request: Request, submission_id: str, at: AtDesk, form: Form) -> Respons
             if do == "next":
                 return claim_next(at, said=said, last=submission_id)
             return at.redirect(f"{PAGE}/{submission_id}", said=said)
+        if do == "withdraw":
+            withdraw(at, submission_id, form.get("version", ""))
+            return at.redirect(f"{PAGE}/{submission_id}", said="withdrawn")
         if do == "release":
             release(at, submission_id)
             return at.redirect(PAGE)
@@ -170,15 +173,28 @@ def get_submission(session: Session, who: Identity, submission_id: str) -> Submi
 def decide(at: Sitting, submission_id: str, typed: ReviewForm, version: str) -> str:
     """Keeps a mark; returns what is to be said of it. Raises Conflict, Outdated, Unprocessable, NotFound."""
     with at.services.database.write() as session:
-        row = get_submission(session, at.who, submission_id)
-        at.desk.hold(session, row)
-        if str(row.version) != version:
-            raise Outdated(CHANGED)
+        row = hold(at, session, submission_id, version)
         mark = parse_mark(typed, has_rubric=bool(list_rubric(at.desk.question(row))))
         if not at.is_second:
             reviews.decide(at.desk, session, at.who, row, mark)
             return "decided"
         return "agree" if reviews.mark_second(at.desk, session, at.who, row, mark).second == AGREED else "differ"
+
+
+def withdraw(at: Sitting, submission_id: str, version: str) -> None:
+    """Takes the marks of an answer back. Raises Conflict, Outdated, NotFound."""
+    with at.services.database.write() as session:
+        reviews.withdraw(at.desk, session, at.who, hold(at, session, submission_id, version))
+
+
+def hold(at: Sitting, session: Session, submission_id: str, version: str) -> Submission:
+    """Returns an answer that gets no other verdict until the transaction ends. Raises NotFound, and Outdated where it
+    got one since the page was shown."""
+    row = get_submission(session, at.who, submission_id)
+    at.desk.hold(session, row)
+    if str(row.version) != version:
+        raise Outdated(CHANGED)
+    return row
 
 
 def parse_mark(typed: ReviewForm, *, has_rubric: bool) -> Mark:
@@ -272,6 +288,7 @@ def render(
         marks = review if review is not None and review.second == DIFFERS else None
         waits_for_third = marks is not None and not stored.may_settle(session, marks, who.id)
         kept = find_comments(session, who.course, row.quiz, row.question)
+        is_decided = stored.is_decided(session, row)
         learner = name_learner(row, seen.names, make_marks(session, who.course))
         waiting = sum(queue.answers for queue in list_waiting(at, session))
     card = build_card(given)
@@ -291,6 +308,7 @@ def render(
         "is_mine": claim is not None and claim.reviewer == who.id,
         "marks": marks,
         "waits_for_third": waits_for_third,
+        "is_decided": is_decided,
         "rubric": list_rubric(question),
         "comments": kept,
         "written": written,
