@@ -213,6 +213,23 @@ def test_what_is_not_there_is_a_page_of_the_site(browser: httpx.Client, path: st
     assert "<script>" not in response.text
 
 
+@pytest.mark.parametrize(
+    ("path", "to"),
+    [
+        ("/lessons/1.3/?a=b%26c", "/lessons/1.3?a=b%26c"),
+        ("/lessons/1.3//", "/lessons/1.3"),
+        ("/a%20b%5Cc/", "/a%20b%5Cc"),
+        ("//elsewhere.example/", "/elsewhere.example"),
+    ],
+)
+def test_an_address_that_ends_in_a_slash_leads_to_the_page_on_this_host(
+    browser: httpx.Client, path: str, to: str
+) -> None:
+    url = httpx.URL(browser.base_url).copy_with(raw_path=path.encode())
+    response = browser.get(url, follow_redirects=False)
+    assert (response.status_code, response.headers["location"]) == (308, to)
+
+
 def test_programs_get_problem_documents_and_no_pages(browser: httpx.Client) -> None:
     for path, accept in (("/api/v1/nowhere", "text/html"), ("/nowhere", "application/json"), ("/nowhere", "*/*")):
         response = browser.get(path, headers={"Accept": accept})

@@ -1,8 +1,9 @@
 """Errors as pages: a browser that asked for a page gets one, where the API answers with a problem document."""
 
 import json
+from urllib.parse import quote
 
-from fastapi.responses import HTMLResponse, Response
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from starlette.datastructures import Headers
 from starlette.types import Scope
 
@@ -26,10 +27,14 @@ OURS = ("Something went wrong on our side", "It is noted. What you handed in is 
 
 
 def error_page(scope: Scope, problem: Response) -> Response | None:
-    """Renders a problem document as a page, with its status and headers, for a browser that opens a page; else None."""
-    accepted = Headers(scope=scope).get("accept", "")
-    if scope["path"].startswith(NOT_PAGES) or "text/html" not in accepted:
+    """Renders a problem document as a page, with its status and headers, for a browser that opens a page; else None.
+    An address that ends in a slash leads to the page without it, never to another host."""
+    accepted, path = Headers(scope=scope).get("accept", ""), scope["path"]
+    if path.startswith(NOT_PAGES) or "text/html" not in accepted:
         return None
+    if problem.status_code == 404 and scope["method"] == "GET" and path.endswith("/") and path.strip("/"):
+        query = scope["query_string"].decode("latin-1")
+        return RedirectResponse(f"/{quote(path.strip('/'))}{'?' + query if query else ''}", 308, HEADERS)
     body = json.loads(bytes(problem.body))
     title, advice = WORDS.get(problem.status_code, OURS)
     if problem.status_code == 401 and scope["method"] == "POST":
