@@ -234,7 +234,7 @@ def test_a_script_that_ended_in_every_case_has_one_line_and_no_matrix() -> None:
         {"status": "crashed", "diagnosis": said, "findings": [finding(title, False, said) for title in titles]}
     )
     assert (shown.diagnosis, shown.columns, shown.rows, shown.cells) == (said, (), (), ())
-    assert shown.notes == ("None of the 4 cases ran to its end.",)
+    assert shown.notes == ("No case ran to its end.",)
     alone = card({"status": "crashed", "diagnosis": said, "findings": []})
     assert alone.notes == ()
 

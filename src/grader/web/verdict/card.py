@@ -169,7 +169,7 @@ def describe_end(status: str, findings: Sequence[Mapping[str, Any]]) -> str:
     """Says that no case ran to its end, in place of a matrix of failures; empty where some did."""
     if status not in ENDED or len(findings) < 2:
         return ""
-    return f"None of the {len(findings)} cases ran to its end."
+    return "No case ran to its end."
 
 
 def format_count(value: float, noun: str) -> str:
