@@ -18,6 +18,7 @@ from grader.exercises import plan_exercise
 from grader.exercises.episodes.films import describe_end
 from grader.exercises.episodes.simulating import Fault, Record
 from grader.exercises.kinds.controller.driver import check_controls
+from grader.exercises.kinds.controller.playing import read_answer
 from grader.grading.films import record_films
 from grader.grading.pipeline import Pipeline
 from grader.grading.references import read_demand
@@ -262,3 +263,7 @@ def test_a_film_says_why_an_episode_ended_early() -> None:
     }
     for told, how in ends.items():
         assert describe_end(Record(cast(Any, None), times, **how)) == told
+
+
+def test_what_no_text_can_hold_is_replaced_in_what_a_controller_raised() -> None:
+    assert read_answer(rb'X{"raised": "ValueError: \ud800", "line": 2}', 1) == ("ValueError: \ufffd", 2)

@@ -227,6 +227,21 @@ def test_a_script_that_always_raises_has_crashed(grade: Grade) -> None:
 
 
 @pytest.mark.parametrize(
+    ("exception", "said"),
+    [
+        ("ValueError('\\ud800\\u202ex')", "ValueError: \ufffd\ufffdx"),
+        ("KeyError('\\ud800')", "KeyError: '\\ud800'"),
+        ("ValueError('a'); e.add_note('\\ud800')", "ValueError: a"),
+    ],
+)
+def test_what_no_text_can_hold_is_replaced_in_what_was_raised(exception: str, said: str, grade: Grade) -> None:
+    verdict = grade(SERVO, f"def largest_stable_timestep(model, integrator):\n    e = {exception}\n    raise e\n")
+    assert verdict.status is Status.CRASHED
+    assert verdict.diagnosis == f"{said}, in line 3 of your script."
+    assert Verdict.model_validate_json(verdict.model_dump_json()) == verdict
+
+
+@pytest.mark.parametrize(
     ("line", "status"),
     [
         ("open('/etc/passwd')", Status.FORBIDDEN),

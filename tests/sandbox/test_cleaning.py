@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grader.sandbox.cleaning import REASON_CHARS_MAX, clean, clean_reason
+from grader.sandbox.cleaning import REASON_CHARS_MAX, clean, clean_reason, read_json
 
 
 @pytest.mark.parametrize(
@@ -33,6 +33,11 @@ def test_nothing_unshowable_is_left(raw: bytes) -> None:
     shown = clean(raw, 200)
     assert all(c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cf", "Cs", "Co", "Cn") for c in shown)
     assert len(shown) <= 200
+
+
+def test_the_texts_of_json_can_be_shown() -> None:
+    raw = rb'{"a\ud800": ["\u202eb", 1.5, null, true, {"c": "\ud83d\ude42"}]}'
+    assert read_json(raw) == {"a\ufffd": ["\ufffdb", 1.5, None, True, {"c": "🙂"}]}
 
 
 @given(st.text(max_size=1000))

@@ -2,7 +2,6 @@
 `grader.exercises.driving.recorder` writes them and describes their form. Whatever the bytes are, `read_trace` returns a
 trace: the notes up to the first that is not well formed."""
 
-import json
 import re
 import struct
 from collections.abc import Container, Iterator, Mapping
@@ -11,6 +10,8 @@ from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
+
+from grader.sandbox.cleaning import read_json
 
 ALL_BYTES_MAX = 320 * 1024
 """The size of all traces of a run, with room to spare."""
@@ -151,7 +152,7 @@ def read_notes(raw: bytes) -> Iterator[Note]:
         at += 4
         if not name.isidentifier() or len(name) > NAME_CHARS_MAX or length > INFO_BYTES_MAX:
             raise ValueError("a note has no proper name or information")
-        info = json.loads(text) if text else {}
+        info = read_json(text) if text else {}
         if not isinstance(info, dict):
             raise ValueError("the information of a note is no object")
         yield Note(name, info, np.frombuffer(raw, "<f8", count, at))  # raises ValueError beyond the end

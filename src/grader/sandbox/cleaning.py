@@ -1,7 +1,9 @@
 """Makes a script's output safe to show: removes terminal commands, invisible and reordering characters."""
 
+import json
 import re
 import unicodedata
+from typing import Any
 
 # CSI and OSC sequences, then any other two-character escape. Source: ECMA-48.
 ESCAPES = re.compile(
@@ -15,16 +17,33 @@ REASON_CHARS_MAX = 300
 
 def clean(raw: bytes, bytes_max: int) -> str:
     """Decode the first `bytes_max` bytes; a character that cannot be shown becomes U+FFFD."""
-    return _replace_hidden(raw[:bytes_max].decode("utf-8", "replace"))
+    return replace_hidden(raw[:bytes_max].decode("utf-8", "replace"))
 
 
 def clean_reason(text: str) -> str:
     """Clean a reason, put it on one line and cut it after 300 characters."""
-    line = " ".join(_replace_hidden(text).split())
+    line = " ".join(replace_hidden(text).split())
     return line if len(line) <= REASON_CHARS_MAX else line[: REASON_CHARS_MAX - 1] + "…"
 
 
-def _replace_hidden(text: str) -> str:
+def read_json(raw: bytes) -> Any:
+    """Read JSON that a script's process wrote; its texts are fit to be shown. An escape may stand for half of a
+    surrogate pair, which no UTF-8 can hold. Raises ValueError and RecursionError."""
+    return _replace_in(json.loads(raw))
+
+
+def _replace_in(value: Any) -> Any:
+    if isinstance(value, str):
+        return replace_hidden(value)
+    if isinstance(value, list):
+        return list(map(_replace_in, value))
+    if isinstance(value, dict):
+        return {replace_hidden(key): _replace_in(item) for key, item in value.items()}
+    return value
+
+
+def replace_hidden(text: str) -> str:
+    """Replace every character that cannot be shown by U+FFFD."""
     text = NEWLINES.sub("\n", ESCAPES.sub("", text))
     bad = {c for c in set(text) if c not in "\n\t" and unicodedata.category(c) in UNSHOWABLE}
     return text.translate({ord(character): "\ufffd" for character in bad})

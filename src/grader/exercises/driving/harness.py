@@ -211,12 +211,14 @@ def account(error: BaseException, student: object, hidden: bool, *, shown: bool 
     what = built_in(error).__name__
     if not hidden:
         with contextlib.suppress(Exception):  # the student's own __str__
-            what = traceback.format_exception_only(type(error), error)[-1].strip()
+            told = traceback.TracebackException(type(error), error, None)
+            told.__notes__ = None  # what `add_note` added, which would be the last line
+            what = [*told.format_exception_only()][-1].strip()
             lines = ["Traceback (most recent call last):\n", *traceback.format_list(frames), f"{what}\n"] * shown
             os.write(2, "".join(lines).encode("utf-8", "backslashreplace"))
     line = frames[-1].lineno if frames else None
-    told = {"raised": what[:TEXT_CHARS_MAX], "line": line}
-    return json.dumps(told if frames else told | {"place": find_place(error)}).encode()
+    claim = {"raised": what[:TEXT_CHARS_MAX], "line": line}
+    return json.dumps(claim if frames else claim | {"place": find_place(error)}).encode()
 
 
 def chain(error: BaseException) -> list[BaseException]:

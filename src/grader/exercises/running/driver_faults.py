@@ -2,7 +2,6 @@
 line of the script is named, a script of ours runs in its place, which does nothing but raise. What is raised then in no
 line of it is the driver's."""
 
-import json
 from collections.abc import Iterator
 
 import structlog
@@ -14,6 +13,7 @@ from grader.exercises.running.measuring import Run
 from grader.exercises.running.planning import Plan
 from grader.exercises.running.trials import select_results
 from grader.questions.kinds.script import ScriptQuestion
+from grader.sandbox.cleaning import read_json
 
 OF_SCRIPTS = (
     "defines no function", "script called exit()", "holds a number that is not finite", ", in line ", "(line "
@@ -57,7 +57,7 @@ def read_unplaced(results: Results) -> str:
     """Returns the exception of a trial with its place in the driver; empty if there is none, or with a line of the
     script."""
     try:
-        crash = json.loads(results["raised"].tobytes())
+        crash = read_json(results["raised"].tobytes())
         return "" if crash["line"] is not None else f"{crash['raised']}{crash.get('place', '')}"
     except (ValueError, KeyError, TypeError, RecursionError):
         return ""

@@ -1,7 +1,6 @@
 """Judges every trial of one run in the jail."""
 
 import builtins
-import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,6 +15,7 @@ from grader.exercises.judgement import Judgement, Results
 from grader.exercises.running.measuring import MeasuringFailure, Run, measure
 from grader.exercises.running.planning import AnyKind, AnyTrial, Plan
 from grader.exercises.trace import LINES_MAX, is_line
+from grader.sandbox.cleaning import read_json
 
 ENDED = "The script ended before this case."
 
@@ -37,7 +37,7 @@ class RaisedReader:
         if "raised" not in results:
             return None
         try:
-            crash = json.loads(results["raised"].tobytes())
+            crash = read_json(results["raised"].tobytes())
             what, line = str(crash["raised"])[:RAISED_CHARS_MAX], crash["line"]
         except (ValueError, KeyError, TypeError, RecursionError):
             what, line = "", None

@@ -1,6 +1,5 @@
 """Asks the student's function for the controls at each period of the simulation; only what is observed leaves it."""
 
-import json
 from math import isfinite
 from struct import pack
 
@@ -13,6 +12,7 @@ from grader.exercises.episodes.simulating import EpisodeRun, Fault, Floats, Reco
 from grader.exercises.kind import Ask
 from grader.exercises.kinds.controller.parameters import ControllerParameters
 from grader.exercises.trace import is_line
+from grader.sandbox.cleaning import read_json
 
 RAISED_CHARS_MAX = 300
 
@@ -36,7 +36,7 @@ def read_answer(answer: bytes, nu: int) -> Floats | tuple[str, int | None]:
             return controls
     if answer[:1] == b"X":
         try:
-            crash = json.loads(answer[1:])
+            crash = read_json(answer[1:])
             return str(crash["raised"])[:RAISED_CHARS_MAX], crash["line"] if is_line(crash["line"]) else None
         except (ValueError, KeyError, TypeError, RecursionError):
             pass

@@ -1,6 +1,5 @@
 """Judges what was measured of a model against the reference, goal by goal."""
 
-import json
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
@@ -16,6 +15,7 @@ from grader.exercises.kinds.model import measuring
 from grader.exercises.kinds.model.parameters import Goal, Problem, list_asked_names
 from grader.exercises.kinds.model.xml_faults import explain_xml
 from grader.exercises.parameters import WrongInCase
+from grader.sandbox.cleaning import read_json
 
 LINE = re.compile(r"\b[Ll]ine (\d{1,6})\b")
 NO_MODEL = "There is no model."
@@ -81,7 +81,7 @@ class ExpressionComparison:
 def judge_model(problem: Problem, results: Results) -> Judgement[ModelOutcome]:
     """Returns the judgement on one case. Raises ValueError where the reference itself cannot be measured, which is a
     fault of the author's."""
-    report = json.loads(results["report"].tobytes())
+    report = read_json(results["report"].tobytes())
     submitted, reference = report["model"], report["reference"]
     if "error" in reference:
         raise ValueError(f"the reference cannot be measured: {reference['error']}")
