@@ -86,6 +86,20 @@ def test_no_known_slip(answer: float, unit: str | None, given: str) -> None:
     assert diagnosis(answer, unit, given) is None
 
 
+@pytest.mark.parametrize(
+    ("answer", "given", "told"),
+    [
+        (2.963, "2.095", None),  # 2 pi over it is 2.999, within the tolerance of 2 % by chance
+        (2.963, "2.121", "is 2 pi over what is asked"),
+        (2.963, "2.1", "is 2 pi over what is asked"),
+        (3.0, "2.095", "is 2 pi over what is asked"),
+    ],
+)
+def test_a_slip_matches_as_far_as_the_digits_go(answer: float, given: str, told: str | None) -> None:
+    seen = diagnosis(answer, "rad/s", given, 0.02 * answer)
+    assert told in seen if seen and told else seen == told
+
+
 def test_a_broad_tolerance_makes_every_slip_a_guess() -> None:
     assert diagnosis(5, "ms", "50", tol=2) is None
 

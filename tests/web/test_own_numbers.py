@@ -38,7 +38,7 @@ def test_the_first_answer_brings_the_own_numbers_of_all_questions(page: Page) ->
     speed, rest = card(page, "speed"), card(page, "rest")
     expect(speed).to_contain_text("these are in the middle. Press Send once to get yours: that uses no attempt.")
     before = speed.locator(".prose").first.inner_text()
-    speed.locator("input[type=text]").fill("3.652")
+    speed.locator("input[type=text]").fill("6.038")
     rest.get_by_role("button", name="Send").click()
     expect(rest.locator("[data-trouble]")).to_contain_text("From now on this question has numbers of your own")
     expect(speed.locator("[data-trouble]")).to_have_text("These numbers are yours: read it again.")

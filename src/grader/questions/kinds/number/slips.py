@@ -3,7 +3,8 @@ do not reveal it."""
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from decimal import Decimal
 from functools import lru_cache
 
 from grader.domain.verdict import Finding
@@ -135,10 +136,24 @@ def find_slip(given: Quantity, key: NumberKey) -> str | None:
         return None
     if key.tolerance > BROADEST_TOLERANCE * abs(key.answer):
         return write_sentence([SIGN] if is_right(-given.value, key) else [])
+    key = narrow_key(key, given)
     wanted = known_unit(given.unit) if given.unit else None
     if wanted and (other := _other_unit(given, wanted, key)):
         return _unit_slip(given, wanted, other)
     return write_sentence(list(_single_slips(given, wanted, key)) or list(_double_slips(given.value, key)))
+
+
+def narrow_key(key: NumberKey, given: Quantity) -> NumberKey:
+    """Returns the key with the tolerance for slips: no wider than half a unit of the last digit of the number or of the
+    answer, whichever has fewer, or `FACTOR_OFF_MAX`. Within 2 % of the answer many slips match a number by chance."""
+    digits = min(given.digits, count_significant(given.number), count_significant(key.answer))
+    nearest = max(0.5 * 10.0 ** (1 - digits), FACTOR_OFF_MAX) * abs(key.answer)
+    return replace(key, tolerance=min(key.tolerance, nearest))
+
+
+def count_significant(value: float) -> int:
+    """Returns how many digits write a number, without zeros at its ends."""
+    return len(Decimal(repr(value)).normalize().as_tuple().digits)
 
 
 def write_sentence(slips: Sequence[Slip]) -> str | None:
