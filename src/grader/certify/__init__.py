@@ -10,7 +10,7 @@ from functools import partial
 from mujoco import FatalError, MjModel
 
 from grader.certify.certificate import Certificate, refuse
-from grader.certify.contradictions import list_contradictions
+from grader.certify.contradictions import WORDED, list_contradictions
 from grader.certify.inference import asks_for_stability, infer_verify
 from grader.certify.measurement_keys import EMPTY, certify_expression, certify_measurement
 from grader.certify.predict_keys import certify_prediction
@@ -114,7 +114,7 @@ def _compare_units(certificate: Certificate, key: AnswerKey, model_xml: ModelXml
     return certificate if why is None else replace(certificate, verdict="cannot tell", why=why, key="unit")
 
 
-def _read_model(verify: ByMeasurement | ByExpression, model_xml: ModelXml) -> MjModel:
+def _read_model(verify: ByMeasurement | ByExpression | ByThreshold | ByStage, model_xml: ModelXml) -> MjModel:
     """Returns the model that a `verify` names, or an empty one."""
     named = verify.model or verify.xml
     return MjModel.from_xml_string(read_xml(verify.model, verify.xml, model_xml) if named else EMPTY)
@@ -122,7 +122,7 @@ def _read_model(verify: ByMeasurement | ByExpression, model_xml: ModelXml) -> Mj
 
 def _remark_words(certificate: Certificate, key: AnswerKey, model_xml: ModelXml) -> Certificate:
     """Remark where the words of a question say otherwise than the `verify` that certifies its key."""
-    if certificate.ok and isinstance(key, NumberKey) and isinstance(key.verify, ByMeasurement | ByExpression):
+    if certificate.ok and isinstance(key.verify, WORDED):
         for remark in list_contradictions(key.text, key.verify, partial(_read_model, key.verify, model_xml)):
             certificate = certificate.with_remark(remark)
     return certificate

@@ -8,7 +8,8 @@ from mujoco import MjModel
 
 from grader.certify.wording import read_question
 from grader.domain.pages.markup import plain_text
-from grader.domain.verify import ByExpression, ByMeasurement
+from grader.domain.verify import ByExpression, ByMeasurement, ByStage, ByThreshold
+from grader.experiments.runs import DATA_FIELDS
 from grader.numerics.integrators import BY_CODE
 
 COMPARED = {
@@ -24,14 +25,34 @@ AT = re.compile(r"\b(?:after|at t ?=|at) ([0-9]+(?:\.[0-9]+)?) ?(ms|s|seconds?)\
 NAMED = re.compile(r"\b(?i:under|with|using|integrator) (Euler|RK4|implicitfast)\b")
 """The integrators whose names mean nothing else."""
 
+PLACE = re.compile(r"\bat (?:its |the )?(?:lowest|highest|nearest|closest|farthest) \w+", re.I)
+"""A moment of a motion, in words that ask for no extreme."""
+
 SET = re.compile(r"data\.(?:qpos|qvel)\[\d+\] *= *(-?[0-9.]+) *(?:;|\n|$)")
 ANGLE = re.compile(r"Math\.(?:sin|cos|tan)\( *(-?[0-9.]+) *\)")
 
 
+FIELDS = re.compile(rf"\b(?:{'|'.join(sorted(DATA_FIELDS - {'act', 'energy'}))})\b")
+"""The arrays of mjData whose names mean nothing else."""
+
+WORDED = (ByMeasurement, ByExpression, ByThreshold, ByStage)
+"""The ways to derive a key that words can contradict."""
+
+
 def list_contradictions(
-    text: str, verify: ByMeasurement | ByExpression, read_model: Callable[[], MjModel]
+    text: str, verify: ByMeasurement | ByExpression | ByThreshold | ByStage, read_model: Callable[[], MjModel]
 ) -> Iterator[str]:
     """Yields what the text of a question, HTML, says otherwise than its `verify`."""
+    if isinstance(verify, ByThreshold):
+        names = set(NAMED.findall(plain_text(text)))
+        if len(names) == 1 and verify.integrator not in names:
+            yield f"The words name the integrator {names.pop()}, and verify.integrator is {verify.integrator}."
+        return
+    if isinstance(verify, ByStage):
+        fields = set(FIELDS.findall(plain_text(text)))
+        if len(fields) == 1 and verify.fills not in fields:
+            yield f"The words name data.{fields.pop()}, and verify.fills is {verify.fills}."
+        return
     for number in ANGLE.findall(verify.expr):
         if abs(float(number)) > 2 * pi:
             yield f"JavaScript takes angles in radians: write {number} * Math.PI / 180 in verify.expr for {number}°."
@@ -40,7 +61,7 @@ def list_contradictions(
 
 
 def _compare_measurement(text: str, verify: ByMeasurement, read_model: Callable[[], MjModel]) -> Iterator[str]:
-    asked = read_question(text)
+    asked = read_question(PLACE.sub("", text))
     words, measured = asked.quantities, COMPARED.get(verify.when)
     if len(words) == 1 and words[0] in COMPARED and words[0] != verify.when and measured and "-" not in verify.expr:
         yield f"The words ask for the {COMPARED[words[0]]}, and verify.when measures the {measured}."

@@ -93,6 +93,9 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
             others = {end: read(SAME, verify.model_copy(update={"seconds": end, "until": None}))[1] for end in ends}
             why = explain_unsettled(measure(SAME)[1], others, key.tolerance, is_part=verify.until is not None)
             certificate = _doubt(certificate, "settled", why)
+        if certificate.ok and key.answer == 0 and verify.when not in BASE_UNITS:
+            run, _ = read(SAME, verify.model_copy(update={"when": "max"}))
+            certificate = _remark_wide(certificate, key, run)
         return _remark_number(_remark_size(certificate, verify), verify.expr)
     except RegimeFailure as error:
         at = "verify.expr" if error.condition == "finite" else "verify"
@@ -164,6 +167,16 @@ def _remark_growth(certificate: Certificate, key: NumberKey, verify: ByMeasureme
         f"The {verify.when.replace('_', ' ')} changes by {change:.3g} in the last tenth of the run, so a longer run "
         "may give another: if the question asks for a peak, make verify.seconds longer."
     )
+    return certificate.with_remark(remark)
+
+
+def _remark_wide(certificate: Certificate, key: NumberKey, run: LabRun) -> Certificate:
+    """Remarks on a tolerance about 0 that holds all that the run comes by: nothing else tells how wide it is."""
+    _, values = read_series(run)
+    largest = float(np.max(np.abs(values)))
+    if largest > key.tolerance:
+        return certificate
+    remark = f"In the whole run the size is at most {largest:.3g}, within tol = {key.tolerance:g}: give a smaller one."
     return certificate.with_remark(remark)
 
 
