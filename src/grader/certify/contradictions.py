@@ -23,6 +23,7 @@ COMPARED = {
 
 AT = re.compile(r"\b(?:after|at t ?=|at) ([0-9]+(?:\.[0-9]+)?) ?(ms|s|seconds?)\b", re.I)
 NAMED = re.compile(r"\b(?i:under|with|using|integrator) (Euler|RK4|implicitfast)\b")
+NAMES = re.compile(r"\b(?:Euler|RK4|implicitfast)\b", re.I)
 """The integrators whose names mean nothing else."""
 
 PLACE = re.compile(r"\bat (?:its |the )?(?:lowest|highest|nearest|closest|farthest) \w+", re.I)
@@ -44,7 +45,7 @@ def list_contradictions(
 ) -> Iterator[str]:
     """Yields what the text of a question, HTML, says otherwise than its `verify`."""
     if isinstance(verify, ByThreshold):
-        names = set(NAMED.findall(plain_text(text)))
+        names = find_integrator(plain_text(text))
         if len(names) == 1 and verify.integrator not in names:
             yield f"The words name the integrator {names.pop()}, and verify.integrator is {verify.integrator}."
         return
@@ -60,6 +61,11 @@ def list_contradictions(
         yield from _compare_measurement(plain_text(text), verify, read_model)
 
 
+def find_integrator(text: str) -> set[str]:
+    """Returns the integrator that a text names as that of its runs; none where it names several."""
+    return set(NAMED.findall(text)) if len({*NAMES.findall(text)}) == 1 else set()
+
+
 def _compare_measurement(text: str, verify: ByMeasurement, read_model: Callable[[], MjModel]) -> Iterator[str]:
     asked = read_question(PLACE.sub("", text))
     words, measured = asked.quantities, COMPARED.get(verify.when)
@@ -72,7 +78,7 @@ def _compare_measurement(text: str, verify: ByMeasurement, read_model: Callable[
         and not isclose(moment := moments.pop(), verify.seconds, rel_tol=1e-6)
     ):
         yield f"The words name {moment:g} s, and verify.seconds ends the run at {verify.seconds:g} s."
-    names = set(NAMED.findall(text))
+    names = find_integrator(text)
     if len(names) == 1 and "integrator" not in (verify.setup or ""):
         name, own = names.pop(), BY_CODE[int(read_model().opt.integrator)].name
         if name != own:
