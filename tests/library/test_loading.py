@@ -28,7 +28,7 @@ RK4: dict[str, Any] = {
     **CODE,
     "check": {"kind": "rk4", "order": None, "cases": [{"id": "a", "xml": HINGE, "steps": 2}]},
 }
-SIM = {
+SIM: dict[str, Any] = {
     "model": "ball",
     "controls": [{"label": "h", "set": "model.opt.timestep", "min": 0.001, "max": 0.01, "step": 0.001, "value": 0.002}],
 }
@@ -185,7 +185,7 @@ def test_one_question_with_many_faults_tells_them_all(root: Path) -> None:
 
 
 def test_remarks_are_taken_off_at_every_level(root: Path) -> None:
-    sim = {**SIM, "x-note": 1, "controls": [{**SIM["controls"][0], "x-why": {"model": "none"}}]}  # type: ignore[dict-item]
+    sim = {**SIM, "x-note": 1, "controls": [{**SIM["controls"][0], "x-why": {"model": "none"}}]}
     write(root, {**PREDICT, "x-author": "me", "sim": sim})
     path = root / "quizzes" / "quiz.json"
     path.write_text(path.read_text().replace('"title"', '"x-": {"x-": null}, "title"', 1))
@@ -603,3 +603,17 @@ def test_the_lab_of_another_question_is_not_tried(root: Path) -> None:
     for question in ("q2", None):
         with pytest.raises(ContentError, match="nothing"):
             load(root, "a", question=question)
+
+
+def test_a_kind_that_draws_nothing_is_told_of_draw_alone(root: Path) -> None:
+    write(root, {**MCQ, "draw": {"v": [1, 2]}})
+    assert list(told(root)) == ["q1.draw"]
+
+
+def test_an_unknown_key_hides_no_fault_of_the_same_part(root: Path) -> None:
+    faulty: Any = {"by": "expression", "model": "ball", "expr": "math.sqrt(data.qpos[0])"}
+    sim = {**SIM, "controls": [{**SIM["controls"][0], "set": "model.opt.gravityy", "labl": ""}]}
+    write(root, {**NUMERIC, "verify": {**faulty, "sed": 1}, "toll": 1}, {**PREDICT, "sim": sim})
+    assert sorted(told(root)) == [
+        "q1.toll", "q1.verify.expr", "q1.verify.sed", "q2.sim.controls.0.labl", "q2.sim.controls.0.set",
+    ]  # fmt: skip

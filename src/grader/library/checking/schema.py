@@ -3,7 +3,8 @@
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, reduce
+from operator import getitem
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
@@ -59,7 +60,7 @@ PARTS: Mapping[str, type[BaseModel]] = {
 
 @dataclass(frozen=True)
 class ParsedQuiz:
-    """The valid questions and labs, and the faults of the others; `quiz` is None if there is any fault."""
+    """The questions and labs that can be checked further, and the faults; `quiz` is None if there is any fault."""
 
     quiz: Quiz | None
     questions: list[Question]
@@ -131,18 +132,36 @@ def _repeated_ids(raw: Mapping[str, Any], file: str) -> Iterator[Fault]:
 
 
 def validate(adapter: TypeAdapter[Part], items: Iterable[tuple[str, Any]], file: str) -> tuple[list[Part], list[Fault]]:
-    """Validate parts, each with its key; return the valid ones, and the first fault of every key of the others."""
+    """Validate parts, each with its key; return the valid ones, and the first fault of every key of the others. A part
+    that has unknown keys and no other fault is returned without them, so that what else is wrong is found at once."""
     parts: list[Part] = []
     faults: dict[str, Fault] = {}
     for key, raw in items:
-        item = fill_in_middle(drop_remarks(raw))
+        written = drop_remarks(raw)
+        item = fill_in_middle(written)
         try:
             parts.append(adapter.validate_json(json.dumps(item), strict=True))
         except ValidationError as error:
-            for place, why in explain_misread(error, item, _known_keys, _choices()):
+            reasons = dict(explain_misread(error, item, _known_keys, _choices()))
+            if ("draw",) in reasons and "template" not in written:
+                reasons.pop(("template",), None)  # of a kind that draws nothing; the author never wrote it
+            for place, why in reasons.items():
                 where = join_key(key, *place)
                 faults.setdefault(where, Fault(file, where, why))
+            unknown = all(detail["type"] == "extra_forbidden" for detail in error.errors(include_url=False))
+            if unknown and (rest := drop_keys(written, reasons)) != written:
+                valid, others = validate(adapter, [(key, rest)], file)
+                parts += valid
+                faults = {fault.key: fault for fault in others} | faults
     return parts, list(faults.values())
+
+
+def drop_keys(value: Any, places: Iterable[tuple[str | int, ...]]) -> Any:
+    """Returns a JSON value without the keys at these places."""
+    rest = json.loads(json.dumps(value))
+    for *path, last in places:
+        reduce(getitem, path, rest).pop(last, None)
+    return rest
 
 
 def _known_keys(steps: Sequence[str]) -> Iterable[str]:

@@ -1,4 +1,4 @@
-"""Checks the expressions of a `verify`: what they name must be in the model."""
+"""Checks the expressions of a `verify`: they must compile, and what they name must be in the model."""
 
 from collections.abc import Iterator
 
@@ -14,22 +14,22 @@ Text = tuple[str, str, ProgramKind]
 
 
 def list_verify_faults(key: AnswerKey, model_xml: ModelXml, question: str) -> Iterator[Fault]:
-    """Yields a fault for each element of a field that a `verify` names and its model does not have. What does not
-    compile is left to the certificate."""
+    """Yields a fault for each expression of a `verify` that does not compile, and for each element of a field that one
+    names and its model does not have."""
     verify = key.verify
-    lab = key.lab if isinstance(key, OptionKey) else None
-    owner = lab if isinstance(verify, ByOptions | ByOutcome) else verify
-    xml, model = getattr(owner, "xml", None), getattr(owner, "model", None)
-    if verify is None or (xml is None and model is None):
-        return
     programs = []
     for place, text, kind in list_texts(key):
         try:
             programs.append(
                 compile_program(text, kind, join_key(question, *filter(None, (key.place, "verify", place))))
             )
-        except ContentError:
-            continue
+        except ContentError as error:
+            yield from error.faults
+    lab = key.lab if isinstance(key, OptionKey) else None
+    owner = lab if isinstance(verify, ByOptions | ByOutcome) else verify
+    xml, model = getattr(owner, "xml", None), getattr(owner, "model", None)
+    if xml is None and model is None:
+        return
     try:
         yield from list_missing_elements(programs, xml or model_xml(str(model)))
     except (NotFound, ValueError):
