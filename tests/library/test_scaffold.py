@@ -112,6 +112,20 @@ def test_a_starter_is_named_for_its_exercise_and_says_so(course: Path) -> None:
     )  # fmt: skip
 
 
+def test_a_mistyped_folder_is_not_begun(course: Path) -> None:
+    nowhere = course.parent / "mechancis"
+    for words in (
+        ["lesson", "2.1"],
+        ["question", "mcq", "2.1"],
+        ["exercise", "claims", "2.1"],
+        ["lab", "simlab", "2.1"],
+    ):
+        done = grader("new", *words, "--in", str(nowhere))
+        assert (done.returncode, done.stdout) == (2, "")
+        assert f"{nowhere}: no content folder here" in done.stderr
+    assert not nowhere.exists()
+
+
 def test_what_is_there_stays(course: Path) -> None:
     model = course / "models" / "pendulum_servo.xml"
     model.parent.mkdir()

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from grader.commands.options import say
+from grader.errors import NotFound
 
 cli = typer.Typer(help="Begin content that passes `grader check` at once, for you to change.", no_args_is_help=True)
 
@@ -40,7 +41,7 @@ def lesson(
     """A quiz of one question; the number at the head of its id says of which lesson it is."""
     from grader.library import scaffold
 
-    tell(scaffold.begin_quiz(folder, quiz, title, as_markdown=markdown), folder)
+    tell(scaffold.begin_quiz(require_content(folder), quiz, title, as_markdown=markdown), folder)
 
 
 @cli.command()
@@ -52,7 +53,7 @@ def question(
     """A question of a kind, at the end of a quiz."""
     from grader.library import scaffold
 
-    tell(scaffold.add_question(folder, quiz, kind), folder)
+    tell(scaffold.add_question(require_content(folder), quiz, kind), folder)
 
 
 @cli.command()
@@ -64,7 +65,7 @@ def exercise(
     """An exercise of a kind, with a starter and a reference program that is right."""
     from grader.library import scaffold
 
-    tell(scaffold.add_exercise(folder, quiz, kind), folder)
+    tell(scaffold.add_exercise(require_content(folder), quiz, kind), folder)
 
 
 @cli.command()
@@ -76,7 +77,15 @@ def lab(
     """A lab of a kind, at the end of a quiz."""
     from grader.library import scaffold
 
-    tell(scaffold.add_lab(folder, quiz, kind), folder)
+    tell(scaffold.add_lab(require_content(folder), quiz, kind), folder)
+
+
+def require_content(folder: Path) -> Path:
+    """Returns the content folder. Raises NotFound where it is none, such as one with a mistyped name."""
+    if not (folder / "quizzes").is_dir():
+        begin = f"`grader new course {shlex.quote(str(folder))}` begins one"
+        raise NotFound(f"{folder}: no content folder here, which has quizzes/ inside: {begin}")
+    return folder
 
 
 def tell(written: list[Path], folder: Path) -> None:
