@@ -178,7 +178,8 @@ def test_a_script_that_does_not_solve_the_exercise_may_not_earn_what_solving_doe
     assert isinstance(servo, ScriptQuestion)
     pipeline: Any = Generous(lesson, points)
     lazy_faults = find_lazy_faults(pipeline, servo)
-    assert [fault.why.partition(" earns ")[0] for fault in lazy_faults] == refused
+    subjects = [name if name == "the starter" else f"the answer {name!r}" for name in refused]
+    assert [fault.why.partition(" earns ")[0] for fault in lazy_faults] == subjects
     assert all(fault.key == "servo-threshold.check" and "may earn" in fault.why for fault in lazy_faults)
 
 
@@ -188,7 +189,7 @@ def test_no_kind_may_give_more_for_empty_arrays_than_for_none(id_: str, lesson: 
     assert isinstance(question, ScriptQuestion)
     pipeline: Any = Broadcasting(lesson, 0.1)
     (fault,) = find_lazy_faults(pipeline, question)
-    assert fault.why.startswith("empty arrays earns 0.1 points, and may earn 0 at most")
+    assert fault.why.startswith("the answer 'empty arrays' earns 0.1 points, and may earn 0 at most")
 
 
 def test_one_question_alone_is_checked_and_says_what_it_does(tmp_path: Path) -> None:

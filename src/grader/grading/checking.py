@@ -221,7 +221,8 @@ class ContentCheck:
             self.report.warnings.append(Fault(library.file(quiz_id), key, ALL_CRASH))
         for name, points, most, fault, _ in earned:
             if earns_too_much(points, most):
-                why = f"{name} earns {format_points(points)}, and may earn {most:g} at most"
+                subject = name if name == STARTER else f"the answer {name!r}"  # a name may be a plural
+                why = f"{subject} earns {format_points(points)}, and may earn {most:g} at most"
                 solved = f"take the solution out of {question.starter}" if name == STARTER else ""
                 cure = solved or "give hidden cases other numbers or more points"
                 self.report.faults.append(Fault(library.file(quiz_id), key, f"{why}: {cure}"))
