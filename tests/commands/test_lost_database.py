@@ -93,8 +93,13 @@ def test_tables_are_not_moved_beside_a_server_and_never_without_a_word(
 
 def test_a_new_course_is_told_and_the_one_that_was_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GRADER_DATA", str(tmp_path))
+    assert "is a new course" not in grader("invite", "ann").stderr
     assert "robots is a new course." in grader("invite", "--course", "robots", "ann").stderr
     assert "is a new course" not in grader("invite", "--course", "robots", "bob").stderr
+    refused = grader("token", "list", "--course", "robotz")
+    assert (refused.returncode, "There is no course 'robotz'; the courses are default, robots." in refused.stderr) == (
+        2, True
+    )  # fmt: skip
     assert "robotz is a new course: did you mean robots?" in grader("invite", "--course", "robotz", "ann").stderr
 
 

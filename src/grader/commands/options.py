@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from grader.errors import Unprocessable
+from grader.errors import NotFound, Unprocessable
 
 if TYPE_CHECKING:
     from sqlalchemy.orm import Session
@@ -74,11 +74,24 @@ def begin_transaction(data: Path | None) -> Iterator["Session"]:
         yield session
 
 
-def say_if_new(session: "Session", course: str) -> None:
-    """Says on stderr that a course has no members yet, and which one with a similar name has: it may be mistyped."""
+def require_course(session: "Session", course: str, data: Path | None) -> None:
+    """Raises NotFound for a course that does not exist, and names those that do: most likely it is mistyped."""
+    from grader.courses.people.identity import DEFAULT_COURSE
+    from grader.courses.people.platforms import course_exists
     from grader.store.people import list_courses
 
-    known = list_courses(session)
+    named = read_settings(data=data).courses
+    if not course_exists(session, course, named):
+        known = sorted({DEFAULT_COURSE, *named, *list_courses(session)})
+        raise NotFound(f"There is no course {course!r}; the courses are {', '.join(known)}.")
+
+
+def say_if_new(session: "Session", course: str) -> None:
+    """Says on stderr that a course has no members yet, and which one with a similar name has: it may be mistyped."""
+    from grader.courses.people.identity import DEFAULT_COURSE
+    from grader.store.people import list_courses
+
+    known = {DEFAULT_COURSE, *list_courses(session)}
     if course not in known:
         near = get_close_matches(course, known, n=1)
         say(f"{course} is a new course{f': did you mean {near[0]}?' if near else '.'}")

@@ -7,7 +7,17 @@ from typing import Annotated
 
 import typer
 
-from grader.commands.options import USAGE, Course, Data, Json, begin_transaction, require_one, say, say_if_new
+from grader.commands.options import (
+    USAGE,
+    Course,
+    Data,
+    Json,
+    begin_transaction,
+    require_course,
+    require_one,
+    say,
+    say_if_new,
+)
 from grader.errors import Unprocessable
 
 token = typer.Typer(help="Bearer tokens.", no_args_is_help=True)
@@ -56,6 +66,7 @@ def list_(course: Course = None, data: Data = None, as_json: Json = False) -> No
     from grader.courses.people.tokens import describe_credential, list_tokens
 
     with begin_transaction(data) as session:
+        require_course(session, course or DEFAULT_COURSE, data)
         rows = [describe_credential(valid) for valid in list_tokens(session, course or DEFAULT_COURSE)]
     if as_json:
         print(json.dumps(rows, indent=2, default=str))
