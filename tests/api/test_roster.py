@@ -12,8 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from grader.commands.main import cli
+from grader.courses.people.rosters.enrolment import BEYOND, LAST
 from grader.courses.people.tokens import create_token
-from grader.errors import Conflict, FaultyRows
+from grader.errors import Conflict, FaultyRows, NotFound
 from support.sites import Site
 
 API = "/api/v1"
@@ -26,6 +27,7 @@ ROSTER = (
     "=cmd|' /C calc'!A0,,student,-1\n"
 )
 COUNTS = {"dry_run": False, "created": 0, "changed": 0, "unchanged": 0, "left_out": 0}
+NOTHING = {**COUNTS, "reasons": [], "roles": []}
 
 
 def send(client: httpx.Client, text: str | bytes, kind: str = "text/csv", **query: Any) -> httpx.Response:
@@ -43,19 +45,20 @@ def tina(either_site: Site) -> httpx.Client:
 
 
 def test_a_roster_makes_members_and_the_same_again_changes_nothing(tina: httpx.Client) -> None:
-    assert send(tina, ROSTER, dry_run=True).json() == {**COUNTS, "dry_run": True, "created": 4}
+    assert send(tina, ROSTER, dry_run=True).json() == {**NOTHING, "dry_run": True, "created": 4}
     assert members(tina).keys() == {"tina"}
-    assert send(tina, ROSTER).json() == {**COUNTS, "created": 4}
+    assert send(tina, ROSTER).json() == {**NOTHING, "created": 4}
     roster = members(tina)
     ada = roster["Ada Lovelace"]
     assert (ada["email"], ada["role"], ada["learner"]) == (
         "ada@school.example", "student", {"namespace": "school", "id": "s1"},
     )  # fmt: skip
     assert roster["Grace Hopper"]["role"] == "instructor"
-    assert send(tina, ROSTER).json() == {**COUNTS, "unchanged": 4}
+    assert send(tina, ROSTER).json() == {**NOTHING, "unchanged": 4}
     assert members(tina) == roster
     changed = ROSTER.replace("Bob,,student", "Bob B.,bob@school.example,instructor")
-    assert send(tina, changed).json() == {**COUNTS, "changed": 1, "unchanged": 3}
+    promoted = {"id": roster["Bob"]["id"], "name": "Bob B.", "before": "student", "after": "instructor"}
+    assert send(tina, changed).json() == {**NOTHING, "changed": 1, "unchanged": 3, "roles": [promoted]}
     assert members(tina)["Bob B."]["id"] == roster["Bob"]["id"]
     actions = [(item["action"], item["detail"]) for item in tina.get(f"{API}/audit").json()["items"]]
     assert ("roster imported", {**COUNTS, "changed": 1, "unchanged": 3}) in actions
@@ -111,12 +114,12 @@ def test_what_was_exported_is_imported_again_and_changes_nothing(either_site: Si
     assert not [cell for row in rows for cell in row.values() if cell.startswith(("=", "-"))]
     assert tina.get(f"{API}/roster.csv", params={"bom": True}).content.startswith("\ufeff".encode())
     before = members(tina)
-    assert send(tina, exported.content).json() == {**COUNTS, "unchanged": 6}
+    assert send(tina, exported.content).json() == {**NOTHING, "unchanged": 6}
     packed = tina.get(f"{API}/roster.zip", params={"namespace": "school"})
-    assert send(tina, packed.content, "application/zip").json() == {**COUNTS, "unchanged": 6}
+    assert send(tina, packed.content, "application/zip").json() == {**NOTHING, "unchanged": 6}
     assert members(tina) == before
     other = either_site.client("tina", "instructor", course=f"{either_site.course}-2")
-    assert send(other, exported.content).json() == {**COUNTS, "created": 5, "unchanged": 1}
+    assert send(other, exported.content).json() == {**NOTHING, "created": 5, "unchanged": 1}
     assert other.get(f"{API}/roster.csv").text == exported.text
 
 
@@ -155,15 +158,18 @@ def test_a_learner_on_the_roster_hands_in_through_the_lms_as_the_same_member(
 
 def test_a_service_enters_students_alone_and_brings_nobody_back(either_site: Site, tina: httpx.Client) -> None:
     lms = either_site.client("lms", "service")
-    assert send(lms, ROSTER).json() == {**COUNTS, "created": 3, "left_out": 1}
+    beyond = {"left_out": 1, "reasons": [{"why": BEYOND, "people": 1}]}
+    assert send(lms, ROSTER).json() == {**NOTHING, "created": 3, **beyond}
     grace = ROSTER.replace("instructor", "student")
     send(tina, ROSTER)
-    assert send(lms, grace).json() == {**COUNTS, "unchanged": 3, "left_out": 1}
+    assert send(lms, grace).json() == {**NOTHING, "unchanged": 3, **beyond}
     assert members(tina)["Grace Hopper"]["role"] == "instructor"
     tina.delete(f"{API}/members/{members(tina)['Bob']['id']}")
-    assert send(lms, grace).json() == {**COUNTS, "unchanged": 2, "left_out": 2}
+    assert send(lms, grace).json() == {
+        **NOTHING, "unchanged": 2, "left_out": 2, "reasons": [{"why": BEYOND, "people": 2}],
+    }  # fmt: skip
     assert "Bob" not in members(tina)
-    assert send(tina, ROSTER).json() == {**COUNTS, "changed": 1, "unchanged": 3}
+    assert send(tina, ROSTER).json() == {**NOTHING, "changed": 1, "unchanged": 3}
     assert "Bob" in members(tina)
 
 
@@ -175,6 +181,65 @@ def test_a_changed_role_ends_sessions_and_nobody_changes_their_own(site: Site) -
     assert link["id"] not in [item["id"] for item in tina.get(f"{API}/invitations").json()["items"]]
     refused = send(tina, "name,role\ntina,student\n")
     assert (refused.status_code, refused.json()["faults"][0]["key"]) == (422, "line 2, role")
+
+
+def test_a_roster_that_says_no_role_changes_none(tina: httpx.Client) -> None:
+    send(tina, ROSTER)
+    before = {name: member["role"] for name, member in members(tina).items()}
+    for text in (
+        "name\ntina\nNew\n",
+        "name,external_id\nGrace Hopper,t1\n",
+        "name,role,external_id\nGrace Hopper,,t1\n",
+    ):
+        assert send(tina, text).json()["roles"] == []
+    assert {name: member["role"] for name, member in members(tina).items()} == {**before, "New": "student"}
+
+
+def test_a_roster_leaves_an_instructor_and_names_whose_role_changes(tmp_path: Path) -> None:
+    def run(text: str, *words: str) -> str:
+        (file := tmp_path / "staff.csv").write_text(text)
+        words = ("roster", "import", str(file), "--data", str(tmp_path / "data"), *words)
+        return CliRunner().invoke(cli, words, catch_exceptions=False).stdout
+
+    run("name,role\nboss,instructor\nAda,\n")
+    with pytest.raises(FaultyRows) as refused:
+        run("name,role\nAda,student\nboss,student\n")
+    assert str(refused.value) == f"staff.csv: line 3, role: {LAST}"
+    swapped = "name,role\nAda,instructor\nboss,student\n"
+    told = run(swapped, "--dry-run").splitlines()
+    assert told == [
+        "0 would be created, 2 would be changed, 0 unchanged",
+        "the role of Ada would be changed: student -> instructor",
+        "the role of boss would be changed: instructor -> student",
+    ]
+    assert "the role of boss changed: instructor -> student" in run(swapped)
+    assert run("name,role\nAda,student\nEve,instructor\n").startswith("1 created, 1 changed")
+
+
+def test_a_course_that_nobody_has_is_told_and_not_exported(tmp_path: Path) -> None:
+    def run(*words: str) -> str:
+        words = ("roster", *words, "--data", str(tmp_path / "data"))
+        return CliRunner().invoke(cli, words, catch_exceptions=False).stderr
+
+    (file := tmp_path / "staff.csv").write_text("name\nAda\n")
+    assert "robots is a new course." in run("import", str(file), "--course", "robots")
+    assert "robot is a new course: did you mean robots?" in run("import", str(file), "--course", "robot", "--dry-run")
+    with pytest.raises(NotFound, match="no course 'robot'; the courses are default, robots"):
+        run("export", "--course", "robot")
+    assert "robots" not in run("export", "--course", "robots")
+    run("export")
+
+
+def test_a_oneroster_file_of_which_nobody_is_taken_says_why(tmp_path: Path) -> None:
+    (tmp_path / "users.csv").write_text("sourcedId,givenName,familyName,enabledUser\nu1,A,B,true\nu2,C,D,1\n")
+    enrolled = "classSourcedId,userSourcedId,role\nc1,u1,Learner\nc1,u2,student\n"
+    (tmp_path / "enrollments.csv").write_text(enrolled)
+    done = CliRunner().invoke(cli, ["roster", "import", str(tmp_path), "--data", str(tmp_path / "data")])
+    assert done.stdout.splitlines() == [
+        "0 created, 0 changed, 0 unchanged, 2 left out",
+        "1 left out: enrollments.csv, role: 'Learner' is not student or teacher",
+        "1 left out: users.csv, enabledUser: '1' is not true",
+    ]
 
 
 ROUTES = (("POST", IMPORT), ("GET", f"{API}/roster.csv"), ("GET", f"{API}/roster.zip"))

@@ -14,7 +14,7 @@ from grader.courses.people.external import OWN, External
 from grader.courses.people.identity import INVISIBLE, Role
 from grader.courses.people.rosters import oneroster
 from grader.courses.people.rosters.oneroster import read_files, read_zip, write_zip
-from grader.courses.people.rosters.roster import Entry, decode, read_roster, write_roster
+from grader.courses.people.rosters.roster import Entry, Roster, decode, read_roster, write_roster
 from grader.errors import FaultyRows, Unprocessable
 
 RUNS = "=+-@\t\r"
@@ -34,7 +34,8 @@ def entries(external: st.SearchStrategy[External | None]) -> st.SearchStrategy[l
     return st.lists(one, max_size=5, unique_by=lambda entry: entry.key)
 
 
-def known(entries: list[Entry]) -> list[tuple[object, ...]]:
+def known(people: Roster | list[Entry]) -> list[tuple[object, ...]]:
+    entries = people.entries if isinstance(people, Roster) else people
     return [(entry.name, entry.role, entry.email, entry.external) for entry in entries]
 
 
@@ -58,10 +59,33 @@ def test_what_was_written_is_read_back(people: list[Entry]) -> None:
 
 
 def test_columns_may_be_left_out_and_stand_in_any_order() -> None:
-    [ada, bob] = read_roster("role,external_id,name\nstudent,s1,Ada\n\n,, Bob \n", "school")
+    [ada, bob] = read_roster("role,external_id,name\nstudent,s1,Ada\n\n,, Bob \n", "school").entries
     assert (ada.external, ada.email, ada.role) == (External("school", "s1"), None, Role.STUDENT)
-    assert (bob.name, bob.external, bob.role, bob.line) == ("Bob", None, Role.STUDENT, 4)
-    assert read_roster("name;role\nAda;instructor\n")[0].role is Role.INSTRUCTOR  # a spreadsheet in Europe
+    assert (bob.name, bob.external, bob.role, bob.line) == ("Bob", None, None, 4)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["name;role\nAda;instructor\n", "sep=;\r\nname;role\r\nAda;instructor\r\n", "name\trole\nAda\tinstructor\n",
+     "sep=,\nname,role\nAda,instructor\n", '"sep=;"\nrole;name\ninstructor;Ada\n'],
+)  # fmt: skip
+def test_cells_are_separated_as_spreadsheets_do(text: str) -> None:
+    [ada] = read_roster(text).entries
+    assert (ada.name, ada.role) == ("Ada", Role.INSTRUCTOR)
+
+
+def test_faults_name_the_file_and_the_line_below_a_separator() -> None:
+    with pytest.raises(FaultyRows) as refused:
+        read_roster("sep=;\nname\nAda;x\n", file="cols.csv")
+    assert str(refused.value) == "cols.csv: line 3: has 2 cells, the heading 1: quote cells with semicolons"
+    with pytest.raises(FaultyRows, match=r"cols\.csv: line 1, name: the column is missing"):
+        read_roster("email\n", file="cols.csv")
+
+
+@pytest.mark.parametrize("text", [0, 1], ids=["users", "enrollments"])
+def test_one_file_of_oneroster_alone_is_recognised(text: int) -> None:
+    with pytest.raises(Unprocessable, match=r"u\.csv is one of OneRoster's files: import the zip file"):
+        read_roster((USERS, ENROLLED)[text], file="u.csv")
 
 
 def test_every_faulty_cell_is_told_with_its_line_and_column() -> None:
@@ -107,7 +131,7 @@ def test_at_most_a_hundred_faults_are_told() -> None:
 
 
 def test_a_cell_that_looks_guarded_but_is_not_stays_as_it_is() -> None:
-    assert [entry.name for entry in read_roster("name\n'Ada\n'=Bob\n")] == ["'Ada", "=Bob"]
+    assert [entry.name for entry in read_roster("name\n'Ada\n'=Bob\n").entries] == ["'Ada", "=Bob"]
 
 
 # -- OneRoster ---------------------------------------------------------------------------------------------------------
@@ -138,11 +162,30 @@ def test_the_students_and_teachers_of_a_class_are_read() -> None:
     ]
 
 
+def test_who_is_left_out_is_counted_with_the_value_that_was_not_understood() -> None:
+    assert read_files(USERS, ENROLLED).left_out == {
+        "users.csv, enabledUser: 'false' is not true": 1, "users.csv, status: 'tobedeleted' is not active": 1,
+        "enrollments.csv, role: 'aide' is not student or teacher": 1,
+        "enrollments.csv, status: 'tobedeleted' is not active": 1,
+    }  # fmt: skip
+    nobody = read_files(USERS.replace(",true,", ",1,"), ENROLLED.replace(",student,", ",Learner,"))
+    assert (nobody.entries, nobody.left_out["enrollments.csv, role: 'Learner' is not student or teacher"]) == ([], 4)
+    assert nobody.left_out["users.csv, enabledUser: '1' is not true"] == 1
+    other = ENROLLED + "e9,,,c2,s,u6,aide,,,\n"
+    assert len(read_files(USERS, other, course_class="c1").left_out) == 4
+
+
+def test_who_is_there_twice_in_users_is_told_with_their_sourced_id() -> None:
+    twice = "sourcedId,givenName,familyName\nu1,Ada,L\nu1,Ada,K\n"
+    told = faults_of(lambda: read_files(twice, "classSourcedId,userSourcedId,role\nc1,u1,student\n"))
+    assert told == [("line 3, sourcedId", "is the person of line 2: give each person one row")]
+
+
 def test_one_class_is_chosen_of_several() -> None:
     both = ENROLLED + "e9,,,c2,s,u6,student,,,\n"
     with pytest.raises(Unprocessable, match="choose one by its classSourcedId, of c1, c2"):
         read_files(USERS, both)
-    assert [file.name for file in read_files(USERS, both, course_class="c2")] == ["Other Class"]
+    assert [entry.name for entry in read_files(USERS, both, course_class="c2").entries] == ["Other Class"]
     with pytest.raises(Unprocessable, match="no class 'c3'"):
         read_files(USERS, both, course_class="c3")
 
@@ -157,7 +200,7 @@ def test_who_is_enrolled_and_no_user_is_told() -> None:
 @given(entries(externals))
 def test_what_was_written_for_oneroster_is_read_back(people: list[Entry]) -> None:
     one_each = list({entry.external.id: entry for entry in people if entry.external}.values())
-    read_back = read_zip(write_zip(one_each, "robots"), "school") if one_each else []
+    read_back = read_zip(write_zip(one_each, "robots"), "school").entries if one_each else []
     expected = [(entry.name, entry.role, entry.email, entry.external and entry.external.id) for entry in one_each]
     assert [
         (entry.name, entry.role, entry.email, entry.external and entry.external.id) for entry in read_back
@@ -210,7 +253,7 @@ def test_a_zip_file_with_a_damaged_byte_is_read_or_refused(method: int) -> None:
 
 def test_zip_files_that_are_broken_or_too_large_are_refused() -> None:
     good = zipped(users=USERS.encode(), enrollments=ENROLLED.encode())
-    assert len(read_zip(good)) == 3
+    assert len(read_zip(good).entries) == 3
     bomb = zipped(users=b"x" * (oneroster.FILE_BYTES_MAX + 1), enrollments=ENROLLED.encode())
     assert len(bomb) < 100_000
     many = zipped(**{f"f{n}": b"" for n in range(100)})
@@ -224,4 +267,4 @@ def test_zip_files_that_are_broken_or_too_large_are_refused() -> None:
 
 def test_a_namespace_that_cannot_be_is_told() -> None:
     told = faults_of(lambda: read_files(USERS, ENROLLED, "no blanks"))
-    assert {place.partition(", ")[2] for place, _ in told} == {"external_id"}
+    assert {place.partition(", ")[2] for place, _ in told} == {"sourcedId"}

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -15,13 +16,14 @@ from grader.commands.options import (
     find_link_origin,
     open_database,
     read_settings,
+    require_course,
     say,
     say_if_new,
 )
 from grader.errors import Unprocessable
 
 if TYPE_CHECKING:
-    from grader.courses.people.rosters.roster import Entry
+    from grader.courses.people.rosters.roster import Roster
     from grader.domain.policy import Extension
 
 cli = typer.Typer()
@@ -120,31 +122,38 @@ def import_roster(
     as_json: Json = False,
 ) -> None:
     """Make the people on a roster members: all of them, or none if a row is faulty."""
-    from grader.courses.people.identity import DEFAULT_COURSE
+    from grader.courses.people.identity import DEFAULT_COURSE, check_name
     from grader.courses.people.rosters.enrolment import enrol
 
-    name, entries = read_entries(file, namespace, course_class)
+    read = read_roster_file(file, namespace, course_class)
     with open_database(data) as database, database.write() as session:
-        done = enrol(database, session, None, course or DEFAULT_COURSE, entries, file=name, dry_run=dry_run)
+        name = check_name("course", course or DEFAULT_COURSE)
+        say_if_new(session, name)
+        done = enrol(database, session, None, name, read, dry_run=dry_run)
     if as_json:
-        print(json.dumps(vars(done)))
+        print(json.dumps(asdict(done)))
         return
     would = "would be " if dry_run else ""
-    print(f"{done.created} {would}created, {done.changed} {would}changed, {done.unchanged} unchanged")
+    left_out = f", {done.left_out} left out" if done.left_out else ""
+    print(f"{done.created} {would}created, {done.changed} {would}changed, {done.unchanged} unchanged{left_out}")
+    for change in done.roles:
+        print(f"the role of {change.name} {would}changed: {change.before} -> {change.after}")
+    for reason in done.reasons:
+        print(f"{reason.people} left out: {reason.why}")
 
 
-def read_entries(file: Path, namespace: str, course_class: str | None) -> tuple[str, list["Entry"]]:
-    """Returns the name of the file that errors mention, and the people on the roster. Raises OSError, Unprocessable."""
+def read_roster_file(file: Path, namespace: str, course_class: str | None) -> "Roster":
+    """Returns the people on the roster. Raises OSError, Unprocessable, FaultyRows."""
     from grader.courses.people.rosters import oneroster, roster
 
     if file.is_dir():
         users, enrollments = (
             roster.decode(name, (file / name).read_bytes()) for name in (oneroster.USERS, oneroster.ENROLLMENTS)
         )
-        return oneroster.USERS, oneroster.read_files(users, enrollments, namespace, course_class)
+        return oneroster.read_files(users, enrollments, namespace, course_class)
     if file.suffix == ".zip":
-        return oneroster.USERS, oneroster.read_zip(file.read_bytes(), namespace, course_class)
-    return roster.FILE, roster.read_roster(roster.decode(roster.FILE, file.read_bytes()), namespace)
+        return oneroster.read_zip(file.read_bytes(), namespace, course_class)
+    return roster.read_roster(roster.decode(file.name, file.read_bytes()), namespace, file.name)
 
 
 @roster.command("export")
@@ -164,6 +173,7 @@ def export_roster(
     if form == "oneroster" and out is None:
         raise Unprocessable("Name the zip file with --out.")
     with open_database(data) as database, database.read() as session:
+        require_course(session, name, data)
         if form == "csv":
             written = "".join(roster.write_roster(list_roster(session, name))).encode()
         else:

@@ -1,5 +1,6 @@
 """`/roster`: who takes part in a course, to and from other systems."""
 
+from dataclasses import asdict
 from typing import Annotated, Any
 
 from fastapi import Query, Request
@@ -10,7 +11,7 @@ from grader.api.bodies import ResponseBody
 from grader.courses.people.identity import Identity
 from grader.courses.people.rosters import oneroster, roster
 from grader.courses.people.rosters.enrolment import enrol, list_roster, list_roster_with_ids
-from grader.courses.people.rosters.roster import NAMESPACE, Entry
+from grader.courses.people.rosters.roster import NAMESPACE, Roster
 from grader.courses.rules.csv_cells import BOM
 from grader.errors import Unprocessable
 from grader.gate.callers import Staff, api_router
@@ -26,14 +27,33 @@ BINARY = {"schema": {"type": "string", "format": "binary"}}
 Namespace = Annotated[str, Query(max_length=64)]
 
 
+class RoleChangeView(ResponseBody):
+    """A member whose role a roster changes."""
+
+    id: str
+    name: str
+    before: str
+    after: str
+
+
+class LeftOutView(ResponseBody):
+    """How many people a roster leaves out for one reason."""
+
+    why: str
+    people: int
+
+
 class EnrolledView(ResponseBody):
-    """What a roster came to, in members."""
+    """What a roster came to, in members. `left_out` are people whom the file or the caller's rights exclude, for
+    `reasons`; `roles` are the members whose role changes."""
 
     dry_run: bool
     created: int
     changed: int
     unchanged: int
     left_out: int
+    reasons: list[LeftOutView]
+    roles: list[RoleChangeView]
 
 
 @router.post(
@@ -65,17 +85,17 @@ def enrol_file(
     services: Services, who: Identity, media_type: str, body: bytes, at: tuple[str, str | None], *, dry_run: bool
 ) -> dict[str, Any]:
     """Reads and enrols. Raises Unprocessable, FaultyRows, Conflict."""
-    file, entries = read_entries(media_type, body, *at)
+    read = read_body(media_type, body, *at)
     with services.database.write() as session:
-        return vars(enrol(services.database, session, who, who.course, entries, file=file, dry_run=dry_run))
+        return asdict(enrol(services.database, session, who, who.course, read, dry_run=dry_run))
 
 
-def read_entries(media_type: str, body: bytes, namespace: str, course_class: str | None) -> tuple[str, list[Entry]]:
-    """The name of the file that errors mention, and the people in it. Raises Unprocessable, FaultyRows."""
+def read_body(media_type: str, body: bytes, namespace: str, course_class: str | None) -> Roster:
+    """Returns the people in a file. Raises Unprocessable, FaultyRows."""
     if media_type == CSV:
-        return roster.FILE, roster.read_roster(roster.decode(roster.FILE, body), namespace)
+        return roster.read_roster(roster.decode(roster.FILE, body), namespace)
     if media_type == ZIP:
-        return oneroster.USERS, oneroster.read_zip(body, namespace, course_class)
+        return oneroster.read_zip(body, namespace, course_class)
     raise Unprocessable(f"Send the roster as {CSV}, or as {ZIP} with OneRoster's files.")
 
 

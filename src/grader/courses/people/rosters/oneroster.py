@@ -6,6 +6,7 @@ import lzma
 import struct
 import zipfile
 import zlib
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -15,6 +16,7 @@ from grader.courses.people.rosters.roster import (
     NAMESPACE,
     Entry,
     Note,
+    Roster,
     RosterLine,
     decode,
     read_email,
@@ -44,6 +46,9 @@ ENROLLMENT_COLUMNS = (
 ROLES = {"student": Role.STUDENT, "teacher": Role.INSTRUCTOR}
 """The roles of a class that there are here; proctors, aides and administrators are left out."""
 
+COLUMNS = {"name": "givenName", "external_id": "sourcedId", "role": "sourcedId"}
+"""What users.csv calls our columns; a role is in the other file, by the person's id."""
+
 BACK = {role: name for name, role in ROLES.items()}
 MISSING = "-"
 """Stands for a name that a person of one name does not have: both names are required."""
@@ -54,7 +59,7 @@ DAMAGED = (
 """What `zipfile` raises for a file that is damaged, encrypted, or packed in a way that Python does not know."""
 
 
-def read_zip(data: bytes, namespace: str = NAMESPACE, course_class: str | None = None) -> list[Entry]:
+def read_zip(data: bytes, namespace: str = NAMESPACE, course_class: str | None = None) -> Roster:
     """Returns the students and teachers of one class in a OneRoster zip file. Raises Unprocessable, FaultyRows."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
@@ -80,32 +85,38 @@ def read_text(packed: zipfile.ZipFile, name: str) -> str:
     return decode(name, data)
 
 
-def read_files(
-    users: str, enrollments: str, namespace: str = NAMESPACE, course_class: str | None = None
-) -> list[Entry]:
+def read_files(users: str, enrollments: str, namespace: str = NAMESPACE, course_class: str | None = None) -> Roster:
     """The students and teachers of one class, by the texts of the two files. `course_class` is the `classSourcedId` of
-    the class; it may be left out where there is one alone. Left out are people who are not enabled, enrollments in
-    another role, and rows that are to be deleted. Raises Unprocessable, and FaultyRows with all faults."""
+    the class; it may be left out where there is one alone. Left out, and counted by the
+    reason, are people of the class who are not enabled, enrolled in another role, or to be deleted. Raises
+    Unprocessable, and FaultyRows with all faults."""
     columns, enrolled = read_lines(ENROLLMENTS, enrollments)
     require_columns(ENROLLMENTS, columns, ("classSourcedId", "userSourcedId", "role"))
-    roles = find_roles(enrolled, course_class)
+    left_out: dict[str, str] = {}
+    roles = find_roles(enrolled, course_class, left_out)
     columns, people = read_lines(USERS, users)
     require_columns(USERS, columns, ("sourcedId", "givenName", "familyName"))
-    entries = read_entries(people, lambda row, note: read_entry(row, namespace, roles, note))
+    entries = read_entries(
+        people, lambda row, note: read_entry(row, namespace, roles, note) if is_taken(row, roles, left_out) else None,
+        COLUMNS,
+    )  # fmt: skip
     known = {row.get("sourcedId") for row in people}
     missing = [(user, row) for user, (_, row) in roles.items() if user not in known]
     if missing:
         raise FaultyRows(
             [row.fault("userSourcedId", f"{user} is not in {USERS}") for user, row in missing[:FAULTS_MAX]]
         )
-    return entries
+    taken = {entry.external.id for entry in entries if entry.external is not None}
+    return Roster(USERS, entries, Counter(why for user, why in left_out.items() if user not in taken), COLUMNS)
 
 
-def find_roles(enrolled: Iterable[RosterLine], course_class: str | None) -> dict[str, tuple[Role, RosterLine]]:
-    """Role and row by the id of the person, for one class; who both teaches and learns in it teaches. Raises
-    Unprocessable for several classes without a choice, and FaultyRows."""
-    rows = [row for row in enrolled if is_active(row)]
-    classes = sorted({row.get("classSourcedId") for row in rows})
+def find_roles(
+    enrolled: Sequence[RosterLine], course_class: str | None, left_out: dict[str, str]
+) -> dict[str, tuple[Role, RosterLine]]:
+    """Role and row by the id of the person, for one class; who both teaches and learns in it teaches. Whom
+    another row leaves out is noted in `left_out`, with the reason. Raises Unprocessable for several classes without a
+    choice, and FaultyRows."""
+    classes = sorted({row.get("classSourcedId") for row in enrolled if is_active(row)})
     if course_class is None and len(classes) > 1:
         some = ", ".join(classes[:10])
         raise Unprocessable(f"{ENROLLMENTS} has several classes: choose one by its classSourcedId, of {some}.")
@@ -113,11 +124,15 @@ def find_roles(enrolled: Iterable[RosterLine], course_class: str | None) -> dict
         raise Unprocessable(f"{ENROLLMENTS} has no class {course_class!r}.")
     roles: dict[str, tuple[Role, RosterLine]] = {}
     faults: list[Fault] = []
-    for row in rows:
+    for row in enrolled:
         user, role = row.get("userSourcedId"), ROLES.get(row.get("role").lower())
-        if course_class not in (None, row.get("classSourcedId")) or role is None:
+        if course_class not in (None, row.get("classSourcedId")):
             continue
-        if not user:
+        if not is_active(row):
+            left_out.setdefault(user, say_value(row, "status", "active"))
+        elif role is None:
+            left_out[user] = say_value(row, "role", " or ".join(ROLES))
+        elif not user:
             faults.append(row.fault("userSourcedId", "is missing"))
         elif role is Role.INSTRUCTOR or user not in roles:
             roles[user] = role, row
@@ -126,18 +141,36 @@ def find_roles(enrolled: Iterable[RosterLine], course_class: str | None) -> dict
     return roles
 
 
+def say_value(row: RosterLine, column: str, wanted: str) -> str:
+    """Says which value of a cell leaves somebody out."""
+    return f"{row.file}, {column}: {row.get(column)[:40]!r} is not {wanted}"
+
+
+def is_taken(row: RosterLine, roles: dict[str, tuple[Role, RosterLine]], left_out: dict[str, str]) -> bool:
+    """Says whether a row of users.csv is read: that of a person of the class who is enabled, or one without an id,
+    which is a fault. Others of the class are noted in `left_out`, with the reason."""
+    user = row.get("sourcedId")
+    if user not in roles:
+        return not user
+    if not is_active(row):
+        left_out[user] = say_value(row, "status", "active")
+    elif row.get("enabledUser").lower() not in ("", "true"):
+        left_out[user] = say_value(row, "enabledUser", "true")
+    else:
+        return True
+    return False
+
+
 def is_active(row: RosterLine) -> bool:
     """Says whether a row is not to be deleted; a file in bulk mode says nothing."""
     return row.get("status").lower() in ("", "active")
 
 
 def read_entry(row: RosterLine, namespace: str, roles: dict[str, tuple[Role, RosterLine]], note: Note) -> Entry | None:
-    """Returns the person in a row of users.csv; None if they are not enrolled or not enabled. Faults are noted."""
+    """Returns the person in a row of users.csv. Faults are noted."""
     user = row.get("sourcedId")
     if not user:
         note("sourcedId", "is missing")
-        return None
-    if user not in roles or not is_active(row) or row.get("enabledUser").lower() not in ("", "true"):
         return None
     parts = [row.get(f"preferred{part}") or row.get(part[0].lower() + part[1:]) for part in ("GivenName", "FamilyName")]
     known = [part for part in parts if part and part != MISSING] or parts[
@@ -198,7 +231,7 @@ def make_enrollment_row(entry: Entry, course: str) -> list[str]:
     """Returns a row of enrollments.csv."""
     cells = {
         "sourcedId": f"{course}-{entry.line}", "classSourcedId": course, "schoolSourcedId": course,
-        "userSourcedId": get_sourced_id(entry), "role": BACK[entry.role], "primary": "false",
+        "userSourcedId": get_sourced_id(entry), "role": BACK[entry.role or Role.STUDENT], "primary": "false",
     }  # fmt: skip
     return [cells.get(column, "") for column in ENROLLMENT_COLUMNS]
 
