@@ -190,6 +190,54 @@ def test_waiting_that_is_stopped_loses_nothing(monkeypatch: pytest.MonkeyPatch) 
     assert session.result().status == "correct"
 
 
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The time that sleeping alone takes, in its one item."""
+    now = [0.0]
+
+    def sleep(seconds: float) -> None:
+        now[0] += seconds
+
+    monkeypatch.setattr(time, "sleep", sleep)
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    return now
+
+
+@pytest.mark.parametrize("away_s", [20.0, 1e9])
+def test_waiting_outlasts_a_restart_of_the_server_and_says_what_is_handed_in(away_s: float, clock: list[float]) -> None:
+    waiting = {"id": "s1", "quiz": "q", "question": "rk4-step", "status": "running", "attempt": 1, "verdict": None}
+    verdict = {"status": "correct", "points": 1.0, "max_points": 1.0, "findings": [], "evidence": {}}
+    stored = {"s1": {**waiting, "status": "graded", "verdict": verdict}, "q": {"questions": []}}
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        if clock[0] < away_s:
+            raise httpx.ConnectError("refused")
+        return httpx.Response(200, json=stored[request.url.path.rpartition("/")[2]])
+
+    said: list[str] = []
+    session = Session(said.append, httpx.MockTransport(answer), Account(SITE, TOKEN))
+    status = session.wait(Answer(waiting, SITE)).status
+    assert said[:2] == ["Running.", "The server does not answer: waiting for it."]
+    if away_s < 60:
+        assert (status, said[2:]) == ("correct", [])
+        return
+    assert (status, 60 <= clock[0] < 65) == ("running", True)
+    [told] = said[2:]
+    assert told.startswith(f"{SITE} cannot be reached (ConnectError)")
+    assert told.endswith("It is handed in, and graded all the same: g.result() shows the verdict.")
+
+
+def test_a_verdict_is_shown_though_the_server_goes_away_after_it() -> None:
+    verdict = {"status": "correct", "points": 1.0, "max_points": 1.0, "findings": [], "evidence": {}}
+    graded = {"id": "s1", "quiz": "q", "question": "e", "status": "graded", "attempt": 1, "verdict": verdict}
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        raise httpx.ConnectError("refused")
+
+    session = Session(lambda text: None, httpx.MockTransport(answer), Account(SITE, TOKEN))
+    assert session.wait(Answer(graded, SITE)).status == "correct"
+
+
 def test_sending_that_is_stopped_keeps_the_answer_under_its_key() -> None:
     def stop(_request: httpx.Request) -> httpx.Response:
         raise KeyboardInterrupt

@@ -12,7 +12,7 @@ from mjgrader import devices, outbox
 from mjgrader.accounts import Account, forget_account, load_account, read_site, save_account
 from mjgrader.checking import CELLS, Check, check_source
 from mjgrader.connection import Connection
-from mjgrader.errors import NotRunning, Refusal, Sentence
+from mjgrader.errors import NotRunning, Offline, Refusal, Sentence
 from mjgrader.kits import Kit, find_kit, unpack_kit
 from mjgrader.showing import Answer
 from mjgrader.showing import Progress as ProgressTable
@@ -20,7 +20,10 @@ from mjgrader.showing import Progress as ProgressTable
 POLL_S = (0.3, 0.5, 1.0, 2.0)
 """Pauses between questions for a verdict [s]; the last one repeats."""
 VERDICT_S_MAX = 900.0
+OUTAGE_S_MAX = 60.0
+"""How long the wait for a verdict goes on without a server, as while it is started anew [s]."""
 
+HANDED_IN = "It is handed in, and graded all the same: g.result() shows the verdict."
 NOT_HANDED_IN = "Nothing was handed in, and no attempt is used; with anyway=True it is."
 SCOPE_HINT = "Your token is kept in {}; g.sign_out() deletes it."
 
@@ -161,7 +164,8 @@ class Session:
             raise NotRunning(f"{why} {hint}{NOT_HANDED_IN}", check.output)
 
     def wait(self, answer: Answer) -> Answer:
-        """Waits until a submission has its verdict, and says how it stands. Raises Sentence."""
+        """Waits until a submission has its verdict, and says how it stands. Raises Sentence. Where the wait is stopped,
+        or the server stays away, the submission comes as it was read last."""
         connection, told, began = self.connect(), "", time.monotonic()
         pauses = iter(POLL_S)
         pause = POLL_S[0]
@@ -172,11 +176,14 @@ class Session:
                     self.say({"queued": "Handed in; waiting for a grader.", "running": "Running."}.get(told, told))
                 pause = next(pauses, pause)
                 time.sleep(pause)
-                answer = self.read(connection, answer.id)
+                answer = self.read_again(connection, answer.id)
+            answer = Answer(answer.submission, answer.site, self.count_left(connection, answer))
         except KeyboardInterrupt:
-            self.say("Stopped waiting. It is handed in, and graded all the same: g.result() shows the verdict.")
+            self.say(f"Stopped waiting. {HANDED_IN}")
             return answer
-        answer = Answer(answer.submission, answer.site, self.count_left(connection, answer))
+        except Offline as error:  # without this, a learner hands in again, which uses an attempt
+            self.say(f"{error} {HANDED_IN}")
+            return answer
         self.last = answer
         if answer.is_under_way:
             self.say("The verdict takes long: g.result() asks again.")
@@ -185,6 +192,20 @@ class Session:
     def read(self, connection: Connection, submission: str) -> Answer:
         """Returns a submission as it stands."""
         return Answer(connection.get(f"/submissions/{submission}"), connection.account.site)
+
+    def read_again(self, connection: Connection, submission: str) -> Answer:
+        """Returns a submission as it stands; waits where no server answers. Raises Offline where it stays away."""
+        began, told = time.monotonic(), False
+        while True:
+            try:
+                return self.read(connection, submission)
+            except Offline:
+                if time.monotonic() - began >= OUTAGE_S_MAX:
+                    raise
+            if not told:
+                told = True
+                self.say("The server does not answer: waiting for it.")
+            time.sleep(POLL_S[-1])
 
     def count_left(self, connection: Connection, answer: Answer) -> int | None:
         """Returns how many attempts are left; None without a limit."""
