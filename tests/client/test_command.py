@@ -2,6 +2,7 @@
 
 import importlib.util
 import io
+import json
 import sys
 import zipfile
 from collections.abc import Callable
@@ -13,6 +14,7 @@ import pytest
 from mjgrader.accounts import Account
 from mjgrader.command import main, read_script
 from mjgrader.errors import Sentence
+from mjgrader.kits import Kit
 from mjgrader.session import Session
 from mjgrader.sources import read_source
 
@@ -39,17 +41,28 @@ def test_a_notebook_is_no_script(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
-    """Runs a command that cannot be done in an empty folder; returns what it says."""
+def end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+    """Runs a command in an empty folder; returns its exit status."""
     monkeypatch.setenv("MJGRADER_CONFIG", str(tmp_path / "config"))
     monkeypatch.delenv("MJGRADER_TOKEN", raising=False)
     monkeypatch.chdir(tmp_path)
 
-    def run_command(*arguments: str) -> str:
+    def end_command(*arguments: str) -> int:
         monkeypatch.setattr(sys, "argv", ["mjgrade", *arguments])
         with pytest.raises(SystemExit) as ended:
             main()
-        assert ended.value.code == 2
+        assert isinstance(ended.value.code, int)
+        return ended.value.code
+
+    return end_command
+
+
+@pytest.fixture
+def run(end: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Runs a command that cannot be done in an empty folder; returns what it says."""
+
+    def run_command(*arguments: str) -> str:
+        assert end(*arguments) == 2
         return capsys.readouterr().err.strip()
 
     return run_command
@@ -84,6 +97,43 @@ def test_what_no_token_can_be_is_told(token: str, run: Callable[..., str], monke
 def test_an_address_that_cannot_be_is_told(address: str, run: Callable[..., str]) -> None:
     assert run("sign-in", address) == (
         f"{address!r} is no address of a server: write it like https://grader.example.edu."
+    )
+
+
+def write_kit(folder: Path, question: str, takes: str) -> Path:
+    """Writes the description of an exercise; returns the path of the file that is handed in."""
+    exercise = {
+        "format": 1, "mujoco": "3.14.0", "quiz": "q", "question": question, "title": "Stand", "entry": "solve",
+        "takes": takes, "points": 4.0, "limits": {"wall_s": 10.0}, "reveal": "size", "kind": "model",
+        "without_integrators": False, "trials": [], "hidden_points": 0.0,
+    }  # fmt: skip
+    folder.mkdir()
+    (folder / "exercise.json").write_text(json.dumps(exercise))
+    return Path(Kit(folder, exercise).script)
+
+
+@pytest.mark.parametrize(
+    ("takes", "folder", "moved", "command"),
+    [
+        ("mjcf", "tower", None, "tower/tower.xml"),
+        ("npz", "tower", None, "tower/tower.npz"),
+        ("mjcf", "my tower", None, '"my tower/tower.xml"'),
+        ("npz", "tower", "best.npz", "best.npz --question tower"),
+    ],
+)
+def test_a_check_of_what_the_server_alone_judges_says_how_to_hand_it_in(
+    takes: str, folder: str, moved: str | None, command: str, end: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    file = write_kit(Path(folder), "tower", takes)
+    file.write_text("<mujoco/>")
+    arguments = [str(file)]
+    if moved:
+        file.rename(moved)
+        arguments = [moved, "--question", "tower"]
+    assert end("check", *arguments) == 0
+    assert capsys.readouterr().out == (
+        f"Stand\nNo attempt is used. Only the server judges tower: hand it in with `mjgrade submit {command}`.\n"
     )
 
 

@@ -45,7 +45,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main() -> None:
     """Runs one command. Exits with 0 for right, 1 for anything else, 2 where it could not be done. A check is right
-    where no case is wrong, as where only the server judges and the script can be imported."""
+    where no case is wrong, as where only the server judges, and the script can be imported or the file be read."""
     parser = build_parser()
     asked = parser.parse_args()
     if asked.command is None:

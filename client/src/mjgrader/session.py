@@ -10,7 +10,7 @@ import httpx
 
 from mjgrader import devices, outbox
 from mjgrader.accounts import Account, forget_account, load_account, read_site, save_account
-from mjgrader.checking import CELLS, Check, check_source
+from mjgrader.checking import CELLS, Check, check_source, leave_to_server
 from mjgrader.connection import Connection
 from mjgrader.errors import NotRunning, Offline, Refusal, Sentence
 from mjgrader.kits import Kit, find_kit, unpack_kit
@@ -132,12 +132,9 @@ class Session:
         return find_kit(self.folder, question, entry, quiz)
 
     def check(self, source: str, kit: Kit, file: str = CELLS) -> Check:
-        """Judges the visible cases on this machine; tracebacks name `file`. Raises Sentence."""
-        if kit.takes != "python":
-            raise Sentence(
-                f"Only the server judges {kit.name}: hand it in with `mjgrade submit {Path(kit.script).name}`."
-            )
-        return check_source(source, kit, file)
+        """Judges the visible cases on this machine; tracebacks name `file`. A model or a file is left to the server.
+        Raises Sentence."""
+        return check_source(source, kit, file) if kit.takes == "python" else leave_to_server(kit, file)
 
     def submit(self, source: str, kit: Kit, file: str = CELLS, *, anyway: bool = False, wait: bool = True) -> Answer:
         """Runs a script in a fresh process, hands it in, and waits for its verdict. A model is handed in as it is, and
