@@ -7,12 +7,16 @@ import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import httpx
 import pytest
 
+from mjgrader import notebook
 from mjgrader.accounts import Account
-from mjgrader.command import main, read_script
+from mjgrader.command import build_parser, main, read_script
+from mjgrader.command import run as run_command
 from mjgrader.errors import Sentence
 from mjgrader.kits import Kit
 from mjgrader.session import Session
@@ -34,10 +38,10 @@ def test_a_script_of_windows_notepad_is_read_without_its_byte_order_mark(tmp_pat
 
 
 def test_a_notebook_is_no_script(tmp_path: Path) -> None:
-    notebook = tmp_path / "rk4-step.ipynb"
-    notebook.write_text("{}")
+    file = tmp_path / "rk4-step.ipynb"
+    file.write_text("{}")
     with pytest.raises(Sentence, match=r"is a notebook: open it in Jupyter .* export it as rk4-step\.py and name that"):
-        read_script(notebook)
+        read_script(file)
 
 
 @pytest.fixture
@@ -61,11 +65,11 @@ def end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
 def run(end: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
     """Runs a command that cannot be done in an empty folder; returns what it says."""
 
-    def run_command(*arguments: str) -> str:
+    def refuse(*arguments: str) -> str:
         assert end(*arguments) == 2
         return capsys.readouterr().err.strip()
 
-    return run_command
+    return refuse
 
 
 @pytest.mark.parametrize("error", [EOFError, AttributeError])
@@ -100,13 +104,17 @@ def test_an_address_that_cannot_be_is_told(address: str, run: Callable[..., str]
     )
 
 
-def write_kit(folder: Path, question: str, takes: str) -> Path:
-    """Writes the description of an exercise; returns the path of the file that is handed in."""
-    exercise = {
+def describe(question: str, takes: str) -> dict[str, Any]:
+    return {
         "format": 1, "mujoco": "3.14.0", "quiz": "q", "question": question, "title": "Stand", "entry": "solve",
         "takes": takes, "points": 4.0, "limits": {"wall_s": 10.0}, "reveal": "size", "kind": "model",
         "without_integrators": False, "trials": [], "hidden_points": 0.0,
     }  # fmt: skip
+
+
+def write_kit(folder: Path, question: str, takes: str) -> Path:
+    """Writes the description of an exercise; returns the path of the file that is handed in."""
+    exercise = describe(question, takes)
     folder.mkdir()
     (folder / "exercise.json").write_text(json.dumps(exercise))
     return Path(Kit(folder, exercise).script)
@@ -135,6 +143,65 @@ def test_a_check_of_what_the_server_alone_judges_says_how_to_hand_it_in(
     assert capsys.readouterr().out == (
         f"Stand\nNo attempt is used. Only the server judges tower: hand it in with `mjgrade submit {command}`.\n"
     )
+
+
+def serve_kit(question: str, takes: str, *scripts: str) -> Session:
+    """A learner's session at a server that has one kit, with these scripts."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as kit:
+        kit.writestr(f"{question}/exercise.json", json.dumps(describe(question, takes)))
+        for name in scripts:
+            kit.writestr(f"{question}/{name}", "# Begin here.\n")
+    server = httpx.MockTransport(lambda request: httpx.Response(200, content=packed.getvalue()))
+    account = Account("https://grader.example.edu", "grt_0_secret")
+    return Session(lambda text: print(text, file=sys.stderr), server, account)
+
+
+@pytest.mark.parametrize(
+    ("takes", "script", "begin", "todo"),
+    [
+        ("python", "stand_up.py", "stand_up.py", ""),
+        ("mjcf", "stand_up.xml", "stand_up.xml", ""),
+        ("npz", "stand_up.py", "stand_up.py", "edit stand_up.py and run it in its folder"),
+        ("npz", None, "", "write it with numpy.savez"),
+    ],
+)
+def test_a_start_names_what_is_there_and_what_comes_next(
+    takes: str, script: str | None, begin: str, todo: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    session = serve_kit("stand-up", takes, *filter(None, [script]))
+    asked = build_parser().parse_args(["start", "stand-up", "--quiz", "q"])
+    folder = tmp_path / "stand-up"
+    told = f"You hand in stand_up.npz: {todo}, then `mjgrade submit {folder / 'stand_up.npz'}`.\n" if todo else ""
+    assert run_command(asked, session) == 0
+    assert capsys.readouterr() == (f"{folder / begin}\n", told)
+    if begin:
+        run_command(asked, session)
+        assert capsys.readouterr().err == f"Your {begin} was there, and was kept.\n{told}"
+
+
+def test_a_notebook_begins_with_the_script_that_writes_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cells: list[str] = []
+    monkeypatch.setattr(notebook, "find_shell", lambda: SimpleNamespace(set_next_input=cells.append))
+    monkeypatch.setattr(notebook, "add_course_module", lambda kit: None)
+    for folder, scripts in (("with", ["stand_up.py"]), ("without", [])):
+        monkeypatch.setattr(notebook, "session", serve_kit("stand-up", "npz", *scripts))
+        notebook.start("stand-up", "q", tmp_path / folder)
+        assert capsys.readouterr().err.endswith(f"The kit of Stand is in {tmp_path / folder}.\n")
+    assert cells == ["# Begin here.\n"]
+
+
+@pytest.mark.parametrize("command", ["check", "submit"])
+def test_a_file_that_is_not_there_is_told(command: str, run: Callable[..., str]) -> None:
+    file = write_kit(Path("tower"), "tower", "mjcf")
+    assert run(command, str(file)) == f"There is no file {file}."
+    file = write_kit(Path("pole"), "pole", "npz")
+    hint = "write it first, with the kit's script or numpy.savez."
+    assert run(command, str(file)) == f"There is no file {file}: {hint}"
 
 
 def test_a_file_where_the_kit_belongs_is_told_and_stays(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ import mujoco
 
 from mjgrader import showing
 from mjgrader.errors import NotRunning, Sentence
-from mjgrader.kits import Kit
+from mjgrader.kits import Kit, quote_path
 
 OLDEST = (3, 14)
 """The oldest MuJoCo that the judges run with, as pyproject.toml says."""
@@ -85,8 +85,8 @@ def leave_to_server(kit: Kit, file: str = CELLS) -> Check:
     """Returns the check of a model or a file, with the command that hands in `file`, a path from the working folder."""
     path = Path(kit.script if file == CELLS else file)
     is_beside = path.resolve().parent == kit.folder.resolve()
-    named = f'"{path}"' if " " in str(path) else str(path)
-    command = f"mjgrade submit {named}" if is_beside else f"mjgrade submit {named} --question {kit.name}"
+    option = "" if is_beside else f" --question {kit.name}"
+    command = f"mjgrade submit {quote_path(path)}{option}"
     remark = f"No attempt is used. Only the server judges {kit.name}: hand it in with `{command}`."
     return Check(kit.exercise["title"], (), remarks=(remark,))
 

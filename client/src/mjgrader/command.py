@@ -82,7 +82,7 @@ def run(asked: argparse.Namespace, session: Session) -> int:
         session.sign_out()
     elif asked.command == "start":
         kit = session.start(asked.question, asked.quiz)
-        print(kit.script)
+        print(kit.starter if kit.starter.exists() else kit.folder)
     elif asked.command == "progress":
         print(session.progress())
     elif asked.command == "sync":
@@ -139,6 +139,9 @@ def read_script(file: Path, takes: str = "python") -> str:
         if takes == "npz":
             return base64.b64encode(file.read_bytes()).decode()
         return file.read_text(encoding="utf-8-sig")  # Windows Notepad writes a byte order mark
+    except FileNotFoundError:
+        hint = ": write it first, with the kit's script or numpy.savez." if takes == "npz" else "."
+        raise Sentence(f"There is no file {file}{hint}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise Sentence(f"{file} cannot be read: {error}") from None
 

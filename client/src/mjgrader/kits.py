@@ -44,6 +44,25 @@ class Kit:
         """The path of the script, the model or the file that the learner writes."""
         return str(self.folder / f"{self.name.replace('-', '_')}{SUFFIXES.get(self.takes, '')}")
 
+    @property
+    def starter(self) -> Path:
+        """The path of what the learner begins with: the script that writes an .npz file, which some kits lack."""
+        script = Path(self.script)
+        return script.with_suffix(".py") if self.takes == "npz" else script
+
+    def tell_next(self) -> str:
+        """Returns a sentence on how the file comes about that is handed in; empty where the learner begins with it."""
+        script, starter = Path(self.script), self.starter
+        if script == starter:
+            return ""
+        todo = f"edit {starter.name} and run it in its folder" if starter.exists() else "write it with numpy.savez"
+        return f"You hand in {script.name}: {todo}, then `mjgrade submit {quote_path(script)}`."
+
+
+def quote_path(path: Path) -> str:
+    """Returns a path as it is typed in a terminal."""
+    return f'"{path}"' if " " in str(path) else str(path)
+
 
 def read_kit(folder: Path) -> Kit:
     """Reads the kit in a folder. Raises Sentence where there is none, or one of another version."""

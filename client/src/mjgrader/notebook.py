@@ -32,10 +32,11 @@ def start(question: str, quiz: str | None = None, folder: str | Path | None = No
     kit = session.start(question, quiz, folder)
     add_course_module(kit)
     entry = kit.exercise["entry"]
-    session.say(f"The kit of {kit.exercise['title']} is in {kit.folder}. Write {entry}, then g.check({entry}).")
+    todo = f" Write {entry}, then g.check({entry})." if kit.takes == "python" else ""
+    session.say(f"The kit of {kit.exercise['title']} is in {kit.folder}.{todo}")
     shell = find_shell()
-    if shell is not None:
-        shell.set_next_input(Path(kit.script).read_text(encoding="utf-8-sig"))
+    if shell is not None and kit.starter.exists():
+        shell.set_next_input(kit.starter.read_text(encoding="utf-8-sig"))
 
 
 def check(function: Function, question: str | None = None) -> Check:

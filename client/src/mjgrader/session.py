@@ -103,8 +103,10 @@ class Session:
             raise Sentence(
                 f"The kit cannot be written to {target} ({error.strerror}): move what is there, or start elsewhere."
             ) from None
-        if (name := Path(self.kit.script).name) in there:
+        if (name := self.kit.starter.name) in there:
             self.say(f"Your {name} was there, and was kept.")
+        if told := self.kit.tell_next():
+            self.say(told)
         return self.kit
 
     def find_quiz(self, connection: Connection, question: str) -> str:
