@@ -159,6 +159,14 @@ def test_a_sign_in_says_as_whom_and_names_the_exercises(slept: list[float]) -> N
         session.result("rk4-step")
 
 
+def test_a_token_that_the_server_never_knew_is_to_be_copied_again(folder: Path) -> None:
+    session = Session(lambda text: None, httpx.MockTransport(refuse(401)))
+    with pytest.raises(SignInAgain) as raised:
+        session.sign_in(SITE, "wrong")
+    assert str(raised.value) == f"{SITE} does not know this token: copy it again, or ask for a new one."
+    assert not (folder / "account.json").exists()
+
+
 @pytest.mark.parametrize(("status", "whom"), [(200, " as ada"), (404, "")])
 def test_a_token_that_was_typed_says_whose_it_is(status: int, whom: str) -> None:
     def answer(request: httpx.Request) -> httpx.Response:

@@ -141,10 +141,10 @@ def test_a_terminal_checks_hands_in_and_shows_the_verdict(lesson: Site, python: 
     forbidden = terminal.run("check", stepping)
     assert forbidden.returncode == 2
     assert "let MuJoCo take the step (mj_step), which this exercise does not allow" in forbidden.stderr
-    revoked = Terminal(python, tmp_path, "grt_0123456789abcdef_nonsense-nonsense").run(
+    mistyped = Terminal(python, tmp_path, "grt_0123456789abcdef_nonsense-nonsense").run(
         "sign-in", lesson.origin, "--token"
     )
-    assert (revoked.returncode, "sign in again" in revoked.stderr) == (2, True)
+    assert (mistyped.returncode, "copy it again" in mistyped.stderr) == (2, True)
 
 
 KERNEL_ONLY = """\

@@ -12,7 +12,7 @@ from mjgrader import devices, outbox
 from mjgrader.accounts import Account, forget_account, load_account, read_site, save_account
 from mjgrader.checking import CELLS, Check, check_source, leave_to_server
 from mjgrader.connection import Connection
-from mjgrader.errors import NotRunning, Offline, Refusal, Sentence
+from mjgrader.errors import NotRunning, Offline, Refusal, Sentence, SignInAgain
 from mjgrader.kits import Kit, find_kit, unpack_kit
 from mjgrader.showing import Answer
 from mjgrader.showing import Progress as ProgressTable
@@ -60,7 +60,10 @@ class Session:
         else:
             account = Account(site, read_token(token))
         connection = Connection(account, self.say, self.transport)
-        quizzes = connection.get("/quizzes")["items"]  # the token is tried
+        try:
+            quizzes = connection.get("/quizzes")["items"]  # the token is tried
+        except SignInAgain:
+            raise SignInAgain(f"{site} does not know this token: copy it again, or ask for a new one.") from None
         names = ", ".join(dict.fromkeys(name for _, name in self.list_exercises(connection, quizzes)))
         self.account = account = account if account.user else read_owner(connection)
         kept = (
