@@ -16,6 +16,7 @@ from mjgrader.accounts import Account, load_account, read_site, save_account
 from mjgrader.command import write_commands
 from mjgrader.connection import Connection
 from mjgrader.errors import Offline, Refusal, Sentence, SignInAgain
+from mjgrader.kits import Kit
 from mjgrader.session import Session
 from mjgrader.showing import Answer
 
@@ -376,6 +377,16 @@ def test_an_answer_is_kept_without_a_connection_and_taken_once() -> None:
     assert len(server.made) == 1
     assert not list(outbox.list_waiting(SITE))
     assert outbox.keep(connection, "q", "e", "x = 1\n").key != first.key  # a new attempt
+
+
+def test_a_kept_answer_that_another_one_takes_along_is_told(tmp_path: Path) -> None:
+    server = Server()
+    session, said = sign_in_as(server, "ada", "robots", TOKEN)
+    kept = outbox.keep(session.connect(), "q", "swing", "x = 1\n")
+    tower = Kit(tmp_path, {"question": "tower", "quiz": "q", "takes": "mjcf"})
+    session.submit("<mujoco/>", tower, wait=False)
+    assert said == ["Your kept answer to swing was sent."]
+    assert next(iter(server.made)) == kept.key and len(server.made) == 2
 
 
 def sign_in_as(server: Server, user: str | None, course: str | None, token: str) -> tuple[Session, list[str]]:

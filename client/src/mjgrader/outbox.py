@@ -103,8 +103,8 @@ def deliver(connection: Connection, waiting: Waiting) -> Any:
 
 
 def deliver_all(connection: Connection, *, but: Waiting | None = None) -> list[tuple[Waiting, Any]]:
-    """Sends what waits of the learner who is signed in, and returns each with its submission. The answers of others are
-    told, and go on waiting. `but` is left out. Raises Offline and SignInAgain."""
+    """Sends what waits of the learner who is signed in, says so, and returns each with its submission. The answers of
+    others are told, and go on waiting. `but` is left out. Raises Offline and SignInAgain."""
     sent = []
     for one in list_waiting(connection.account.site):
         if one == but:
@@ -114,6 +114,7 @@ def deliver_all(connection: Connection, *, but: Waiting | None = None) -> list[t
             continue
         try:
             sent.append((one, deliver(connection, one)))
+            connection.say(f"Your kept answer to {one.question} was sent.")
         except Refusal as error:
             connection.say(f"Your answer to {one.question} of {one.at} was refused: {error}")
     return sent
