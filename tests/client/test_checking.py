@@ -16,7 +16,7 @@ from mjgrader import worker
 from mjgrader.accounts import Account
 from mjgrader.checking import check_source, list_remarks
 from mjgrader.errors import NotRunning, Sentence
-from mjgrader.kits import Kit, find_kit, read_kit, unpack_kit
+from mjgrader.kits import FIELDS, Kit, find_kit, read_kit, unpack_kit
 from mjgrader.session import Session
 from support.content import PASSED, load_content
 from support.sites import ROOT
@@ -290,6 +290,26 @@ def test_a_kit_of_another_version_is_told(found: int | None, cure: str, tmp_path
     (tmp_path / "exercise.json").write_text(f'{{"format": {"null" if found is None else found}}}')
     with pytest.raises(Sentence, match=cure):
         read_kit(tmp_path)
+
+
+@pytest.mark.parametrize("name", sorted(FIELDS))
+def test_a_kit_that_lacks_a_field_is_damaged(name: str, kit: Kit) -> None:
+    assert read_kit(kit.folder) == kit
+    damage(kit, {key: value for key, value in kit.exercise.items() if key != name})
+
+
+@pytest.mark.parametrize("broken", [{"trials": None}, {"trials": ["x"]}, {"trials": [{"id": 1}]}, {"limits": {}}])
+def test_a_kit_whose_fields_lack_something_is_damaged(broken: dict[str, Any], kit: Kit) -> None:
+    damage(kit, {**kit.exercise, **broken})
+
+
+def damage(kit: Kit, exercise: dict[str, Any]) -> None:
+    """Writes another exercise.json, and sees that it is called damaged."""
+    path = kit.folder / "exercise.json"
+    path.write_text(json.dumps(exercise))
+    with pytest.raises(Sentence) as raised:
+        read_kit(kit.folder)
+    assert str(raised.value) == f"{path} is damaged: delete it, and get the kit again with g.start()."
 
 
 @pytest.mark.parametrize("name", ["/etc/x", "../x", "a/../../x", "a/C:x", "a\\x", "x"])

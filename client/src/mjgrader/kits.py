@@ -15,6 +15,12 @@ FORMAT = 1
 """The version of exercise.json that this client reads."""
 
 DESCRIPTION = "exercise.json"
+FIELDS = {
+    "question", "quiz", "title", "entry", "mujoco", "kind", "without_integrators", "reveal", "trials", "limits",
+    "points", "hidden_points",
+}  # fmt: skip
+"""What the client reads in exercise.json beside `format`, and `takes`, which older kits lack."""
+TRIAL_FIELDS = {"id", "title", "points", "entries", "inputs", "problem"}
 OF_THE_LEARNER = (".py", ".ipynb", ".xml", ".npz")
 """Files of a kit that a learner changes: they are never overwritten, but for mjcourse.py and models/."""
 
@@ -65,20 +71,32 @@ def quote_path(path: Path) -> str:
 
 
 def read_kit(folder: Path) -> Kit:
-    """Reads the kit in a folder. Raises Sentence where there is none, or one of another version."""
+    """Reads the kit in a folder. Raises Sentence where there is none, a damaged one, or one of another version."""
     path = folder / DESCRIPTION
+    damaged = f"{path} is damaged: delete it, and get the kit again with g.start()."
     try:
         exercise = json.loads(path.read_text(encoding="utf-8"))
     except OSError:
         raise Sentence(f'There is no kit in {folder}: get it with g.start("the-exercise").') from None
     except ValueError:
-        raise Sentence(f"{path} is damaged: delete it, and get the kit again with g.start().") from None
+        raise Sentence(damaged) from None
     found = exercise.get("format") if isinstance(exercise, dict) else None
     if found != FORMAT:
         newer = isinstance(found, int) and found > FORMAT
         cure = "pip install --upgrade mujoco-grader-client" if newer else "get the kit again with g.start()"
         raise Sentence(f"The kit in {folder} has format {found}, and this client reads {FORMAT}: {cure}.")
+    if not is_whole(exercise):
+        raise Sentence(damaged)
     return Kit(folder, exercise)
+
+
+def is_whole(exercise: Mapping[str, Any]) -> bool:
+    """Whether an exercise.json has every field that the client reads."""
+    try:
+        trials = all(trial.keys() >= TRIAL_FIELDS for trial in exercise["trials"])
+        return trials and exercise.keys() >= FIELDS and "wall_s" in exercise["limits"]
+    except (KeyError, TypeError, AttributeError):  # a field is missing, or no list or object
+        return False
 
 
 def list_kits(folder: Path) -> Iterator[Kit]:
