@@ -380,10 +380,11 @@ def test_import_writes_what_is_sound_and_lists_the_faults_of_the_rest(tmp_path: 
     assert "7: line 4: seconds: must be a valid number, not '3'" in done.stdout + done.stderr
 
 
-def test_a_port_in_use_is_one_line() -> None:
+@pytest.mark.parametrize("command", ["serve", "author"])
+def test_a_port_in_use_is_one_line(command: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        done = grader("serve", "--port", str(port))
+        done = grader(command, "--port", str(port))
     assert (done.returncode, done.stdout) == (3, "")
     assert done.stderr == (
         f"Port {port} of 127.0.0.1 cannot be opened (Address already in use): choose another with --port.\n"

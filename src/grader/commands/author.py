@@ -20,9 +20,11 @@ def author(
     from grader.grading.checking import find_content_root
     from grader.library import PassedChecks
     from grader.service.authoring import HOST, serve_author
+    from grader.service.processes import require_free_port
 
     settings = read_settings()
     root = find_content_root(folder or settings.content)
+    require_free_port(HOST, port)
     say(f"{root} at http://{HOST}:{port} until you press Ctrl-C")
     serve_author(root, PassedChecks(settings.cache), open_pipeline, port)
 
