@@ -431,6 +431,34 @@ def test_any_text_is_json_or_a_fault(text: str) -> None:
         json.loads(text)
 
 
+@pytest.mark.parametrize(
+    ("text", "cure"),
+    [
+        ('{"q": {"a": 1}', "a { has no }: add it"),
+        ('{"q": ["a", "b"', "a [ has no ]: add it"),
+        ('[{"q": 1,\n{"q": 2}]', "a { has no }: add it"),
+        ('[{"q": "}" ]', "a { has no }: add it, or this ] is one too many"),
+        ('[{"q": 1}}, {"q": 2}]', "a [ has no ]: add it, or this } is one too many"),
+        ('{"q": 1}}', "this } is one too many: remove it"),
+        ("{“q”: 1}", "write straight quotes"),
+        ('{"q": “a”}', "write straight quotes"),
+        ('{"q": "a”}', "write straight quotes"),
+        ('{"q": "a”, "b": 1}', "write straight quotes"),
+        ('{"q”: 1, "b": 1}', "write straight quotes"),
+        ('{"q": "a”,\n"b": 1}', "write straight quotes"),
+    ],
+)
+def test_brackets_and_quotes_without_their_other_half_are_told_with_the_cure(text: str, cure: str) -> None:
+    fault = parse_json(text, "quizzes/a.json")
+    assert isinstance(fault, Fault) and f"({cure}" in fault.why
+
+
+@pytest.mark.parametrize("text", ['{"q": "He said “no”" "b": 1}', '{"q": "“a”, then b" "c": 1}', '{"a" {', '{"q": }'])
+def test_a_cure_is_told_only_where_it_is_one(text: str) -> None:
+    fault = parse_json(text, "quizzes/a.json")
+    assert isinstance(fault, Fault) and "(" not in fault.why
+
+
 LESSON = json.loads((Path(__file__).parents[2] / "quizzes" / "1.3-check.json").read_text(encoding="utf-8"))
 ANYTHING: st.SearchStrategy[Any] = st.sampled_from(
     [None, True, 0, -1, 1.5, 10**30, "", "a", "$", "x" * 300, [], {}, [[]], [1, "a"], {"x-a": 1}]

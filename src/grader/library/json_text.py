@@ -14,6 +14,16 @@ DEPTH_MAX = 50
 
 SURROGATE = re.compile("[\ud800-\udfff]")
 
+OTHER_HALF = {"{": "}", "[": "]"}
+
+TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"?|[{}\[\]]', re.DOTALL)
+"""A text, also one that does not end, or a bracket."""
+
+CURLY = ("\u201c", "\u201d", "\u201e", "\u2018", "\u2019")
+
+CURLY_END = re.compile(f'[{"".join(CURLY)}]\\s*(?:[,:}}\\]][^"A-Za-z]*"?)?$')
+"""The end of a text that goes on behind the curly quote that was to end it: no straight one stands right after it."""
+
 
 class JsonObject(dict[str, Any]):
     """A JSON object; `repeated` lists the keys that occur more than once."""
@@ -53,11 +63,43 @@ def _find_last_comma(text: str, position: int) -> int | None:
 
 
 def _cure(text: str, position: int) -> str:
-    """Returns the cure for what is JavaScript and not JSON at this position; empty where there is no known one."""
+    """Returns the cure for what is JavaScript and not JSON at this position, for the quotes of a word processor and for
+    a bracket without its other half; empty where there is no known one."""
     if text.startswith(("//", "/*", "#"), position):
         return " (JSON has no comments: take a key that begins with x-)"
     if text.startswith(("'", "`"), position):
         return ' (texts stand between double quotes: "...")'
+    opened, last = _scan(text, position)
+    if text.startswith(CURLY, position) or CURLY_END.search(last):
+        return ' (write straight quotes: "...")'
+    return _cure_bracket(opened, text, position)
+
+
+def _scan(text: str, position: int) -> tuple[list[str], str]:
+    """Returns the brackets that are open at a position, and the text that begins there, which has no end, else the last
+    one before it."""
+    opened: list[str] = []
+    last = ""
+    for token in TOKEN.findall(text, 0, position):
+        if token in OTHER_HALF:
+            opened.append(token)
+        elif token.startswith('"'):
+            last = token
+        elif opened:
+            opened.pop()
+    return opened, text[position:] if text.startswith('"', position) else last
+
+
+def _cure_bracket(opened: list[str], text: str, position: int) -> str:
+    """Returns the cure for a bracket without its other half, by what is open at the position where it shows."""
+    here = text[position:].lstrip()[:1]
+    if not opened:
+        return f" (this {here} is one too many: remove it)" if here in OTHER_HALF.values() else ""
+    inner, half = opened[-1], OTHER_HALF[opened[-1]]
+    if here == "" or (inner == here == "{" and text[:position].rstrip().endswith(",")):
+        return f" (a {inner} has no {half}: add it)"
+    if here in OTHER_HALF.values() and here != half:
+        return f" (a {inner} has no {half}: add it, or this {here} is one too many)"
     return ""
 
 
