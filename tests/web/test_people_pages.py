@@ -244,3 +244,17 @@ def test_members_are_found_by_name_address_and_role_and_stay_in_sight_after_a_ch
     expect(page.locator("[data-list=members]")).to_contain_text("Nobody among the instructors has “50%”")
     page.goto(f"{PEOPLE}?role=pirates&find=&start=900")
     expect(status).to_have_text("111 members")
+
+
+def test_on_a_phone_a_remark_on_a_member_begins_a_line(site: Site, browser: Chromium) -> None:
+    twins = [Member(course="twins", name=name, role="student", email="a@x.example") for name in ("Ann", "Anna")]
+    in_database(site.settings, lambda session: session.add_all(twins))
+    code = in_database(site.settings, lambda session: create_sign_in_code(session, "rita", Role.INSTRUCTOR, "twins"))
+    phone = {"width": 390, "height": 800}
+    page = browser.new_context(base_url=site.origin, java_script_enabled=False, viewport=phone).new_page()
+    page.goto(f"/signin?code={code}")
+    page.get_by_role("button", name="Sign in").click()
+    page.goto(PEOPLE)
+    cell = page.locator("td[data-column=From]").filter(has_text="Another member has a@x.example too").first
+    remark = "Another member has a@x.example too: perhaps the same person"
+    assert cell.inner_text().splitlines() == ["came without an invitation", remark]
