@@ -14,7 +14,7 @@ from grader.grading.pipeline import Pipeline
 from grader.library import load, load_files
 from grader.library.conversion import convert_file, write_converted
 from grader.library.markdown import read_markdown, write_markdown
-from grader.library.question_text import find_id, find_question
+from grader.library.question_text import find_name, find_question
 from grader.library.scaffold import add_question, begin_quiz
 from grader.questions import installed_kinds
 
@@ -254,4 +254,4 @@ def test_two_files_of_one_quiz_are_a_fault_and_a_readme_is_none(tmp_path: Path) 
 def test_the_source_of_a_question_is_its_section() -> None:
     start, end = find_question(ONE, "stage", "quizzes/a.md")
     assert ONE[start:end].startswith("## {#stage}") and ONE[start:end].endswith("It reads poses.")
-    assert find_id(ONE, start, "quizzes/a.md") == "stage"
+    assert find_name(ONE, start, "quizzes/a.md") == "stage"

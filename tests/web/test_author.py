@@ -15,7 +15,7 @@ from grader.commands.grade import open_pipeline
 from grader.grading.report import Report
 from grader.library import PassedChecks
 from grader.library.conversion import write_converted
-from grader.library.question_text import find_id, find_question
+from grader.library.question_text import find_name, find_question
 from grader.questions import installed_kinds, parse_question
 from grader.service.authoring import make_app
 from grader.web.author.desk import AuthorDesk, Check
@@ -241,11 +241,24 @@ def test_one_question_never_takes_the_place_of_its_file(browser: TestClient, fol
     assert len(json.loads(file.read_text())["questions"]) > 2
 
 
-@pytest.mark.parametrize("tag", ["", "0", "{digest}-1", "{digest}-99999-99999", "{digest}--1-0", "{digest}-0-0-0"])
+@pytest.mark.parametrize(
+    "tag",
+    [
+        "",
+        "0",
+        "{digest}-1",
+        "{digest}-{digest}-1-99999-99999",
+        "{digest}-{digest}-0--1-0",
+        "{digest}-{part}-1-0-0-0",
+        "{digest}-{part}-{length}-0-0",
+        "{part}-{part}-{length}-1-1",
+        "{part}-{digest}-{length}-0-0",
+    ],
+)
 def test_a_tag_that_no_page_gave_saves_nothing(browser: TestClient, folder: Path, tag: str) -> None:
     file = folder / "quizzes/1.3-check.json"
-    before, digest = file.read_text(), tag_in(browser.get(NUMBER).text).partition("-")[0]
-    headers = {**SENT, "If-Match": f'"{tag.format(digest=digest)}"'}
+    before, (digest, part, length, *_) = file.read_text(), tag_in(browser.get(NUMBER).text).split("-")
+    headers = {**SENT, "If-Match": f'"{tag.format(digest=digest, part=part, length=length)}"'}
     assert browser.put("/source/1.3-check/q2", content="{}", headers=headers).status_code == 412
     assert file.read_text() == before
 
@@ -274,9 +287,9 @@ def test_a_question_is_found_in_the_text_as_it_was_written() -> None:
     text = '{ "id": "a", "x-note": "\\"questions\\": [1]",\n "questions": [ {"id": "b",\n "q": "]}" } , {"q": 2}]}'
     assert text[slice(*find_question(text, "b", "a.json"))] == '{"id": "b",\n "q": "]}" }'
     assert text[slice(*find_question(text, "q2", "a.json"))] == '{"q": 2}'
-    assert find_id(text, text.index('{"q": 2}'), "a.json") == "q2"
-    assert [find_id(text, start, "a.json") for start in (0, len(text))] == [None, None]
-    assert find_id("{", 0, "a.json") is None
+    assert find_name(text, text.index('{"q": 2}'), "a.json") == "q2"
+    assert [find_name(text, start, "a.json") for start in (0, len(text))] == [None, None]
+    assert find_name("{", 0, "a.json") is None
 
 
 @pytest.mark.parametrize("name", [name for name, kind in installed_kinds().items() if not kind.is_script])
@@ -305,3 +318,118 @@ def test_a_question_in_markdown_is_shown_checked_and_saved(browser: TestClient, 
     written.write_text(written.read_text().replace("Answer: 5 ms", "Answer: five"))
     text = wait_for(browser, NUMBER, "no number")
     assert "write such as Answer:" in text and "q2, &#39;five&#39; is no number" in text
+
+
+def write_quiz(folder: Path, *questions: dict[str, Any]) -> Path:
+    """Writes the quiz with these questions, each with a prompt of its own."""
+    asked = [{"kind": "open", "q": f"Why {number}?"} | question for number, question in enumerate(questions)]
+    file = folder / f"quizzes/{CHECK}.json"
+    file.write_text(json.dumps({"id": CHECK, "title": "A check", "questions": asked}, indent=2, ensure_ascii=False))
+    return file
+
+
+@pytest.mark.parametrize("id_", ["θ1", "a/b", "../..", "..", "", "a?b#c", "a b"])
+def test_a_faulty_id_is_saved_and_named_on_the_page_that_follows(browser: TestClient, folder: Path, id_: str) -> None:
+    file = write_quiz(folder, {"id": "a"}, {"id": "b"})
+    tag, source = tag_in(browser.get(f"/edit/{CHECK}/b").text), json.dumps({"id": id_, "kind": "open", "q": "Why?"})
+    saved = browser.put(f"/source/{CHECK}/b", content=source, headers={"If-Match": f'"{tag}"', **SENT})
+    assert saved.status_code == 204 and source in file.read_text()
+    shown = html.unescape(browser.get(saved.headers["Location"]).text)
+    assert f"must match pattern '^[A-Za-z0-9][A-Za-z0-9._-]{{0,63}}$', not '{id_}'" in shown
+    assert source in shown and f"not '{id_}'" in html.unescape(browser.get(f"/edit/{CHECK}/a").text)
+    sent = {"source": source.replace(json.dumps(id_), '"c"'), "tag": saved.headers["ETag"].strip('"')}
+    mended = browser.post(saved.headers["Location"].replace("/edit/", "/source/"), data=sent, headers=SENT)
+    assert mended.url.path == f"/edit/{CHECK}/c" and f"{CHECK}.json: c" in mended.text
+
+
+@pytest.mark.parametrize("form", ["json", "md"])
+def test_two_questions_of_one_id_are_both_reached(browser: TestClient, folder: Path, form: str) -> None:
+    file = write_quiz(folder, {"id": "a"}, {"id": "b"}, {"id": "a"}, {"id": "c"})
+    if form == "md":
+        sections = (f"## {{#{id_} .open}}\n\nWhy {number}?\n" for number, id_ in enumerate("abac"))
+        file.unlink()
+        file.with_suffix(".md").write_text("\n".join(["---\ntitle: A check\n---\n", *sections]))
+    text = browser.get(f"/edit/{CHECK}/a").text
+    assert "two have this id: give each its own" in text
+    links = re.findall(r'href="(/edit/[^"?]+)"[^>]*>([^<]+)</a></li>', text)
+    assert [label for _, label in links] == ["a", "b", "a", "c"]
+    for number, (link, _) in enumerate(links):
+        (source,) = re.findall(
+            r'<textarea class="code" id="source"[^>]*>(.*?)</textarea>', browser.get(link).text, re.S
+        )
+        assert re.findall(r"Why \d", source) == [f"Why {number}"]
+
+
+def test_a_page_goes_on_with_its_question_when_another_takes_its_id(browser: TestClient, folder: Path) -> None:
+    file = write_quiz(folder, {"id": "a"}, {"id": "b"})
+    tag = tag_in(browser.get(f"/edit/{CHECK}/b").text)
+    file.write_text(file.read_text().replace('"a"', '"b"'))
+    assert "Why 1?" in browser.get(f"/edit/{CHECK}/b", params={"shown": tag}).text
+    assert "Why 0?" in browser.get(f"/edit/{CHECK}/b").text
+
+
+def test_a_quiz_of_a_faulty_id_is_found_by_its_file(browser: TestClient, folder: Path) -> None:
+    file = write_quiz(folder, {"id": "a"})
+    file.write_text(file.read_text().replace(CHECK, "θ/1"))
+    begun = browser.get("/")
+    assert begun.url.path == f"/edit/{CHECK}/a" and "not &#39;θ/1&#39;" in begun.text
+    added = browser.post(f"/add/{CHECK}/a", data={"kind": "open"}, headers=SENT).text
+    assert f"mend the id of quizzes/{CHECK}.json first" in added
+    assert [path.name for path in (folder / "quizzes").iterdir()] == [file.name]
+
+
+def test_a_change_of_other_questions_refuses_no_save(browser: TestClient, folder: Path) -> None:
+    file = write_quiz(folder, {"id": "a"}, {"id": "b"}, {"id": "c"})
+    tags = {id_: tag_in(browser.get(f"/edit/{CHECK}/{id_}").text) for id_ in "abc"}
+
+    def save(id_: str, source: str) -> int:
+        headers = {"If-Match": f'"{tags[id_]}"', **SENT}
+        return browser.put(f"/source/{CHECK}/{id_}", content=source, headers=headers).status_code
+
+    for id_, words in ("a", "How so?"), ("c", "What for?"), ("b", "Whence, then?"):
+        before = file.read_text()
+        (start, end), source = (
+            find_question(before, id_, file.name),
+            json.dumps({"id": id_, "kind": "open", "q": words}),
+        )
+        if id_ == "b":  # its place is neither the same from the beginning nor from the end: its page has a newer tag
+            assert save(id_, source) == 412
+            tags[id_] = tag_in(browser.get(f"/edit/{CHECK}/{id_}").text)
+        assert save(id_, source) == 204
+        assert file.read_text() == before[:start] + source + before[end:]
+        assert save(id_, "{}") == 412, "its own part has changed"
+    assert [question["q"] for question in json.loads(file.read_text())["questions"]] == [
+        "How so?", "Whence, then?", "What for?",
+    ]  # fmt: skip
+
+
+def test_what_is_broken_is_told_with_its_line_in_what_is_shown(browser: TestClient, folder: Path) -> None:
+    file = write_quiz(folder, {"id": "a"}, {"id": "b"}, {"id": "c"})
+    start, end = find_question(file.read_text(), "b", file.name)
+    whole, source = file.read_text(), file.read_text()[start:end]
+    tag = tag_in(browser.get(f"/edit/{CHECK}/b").text)
+
+    def save(broken: str, shown: str = "b") -> str:
+        nonlocal tag
+        saved = browser.put(f"/source/{CHECK}/b", content=broken, headers={"If-Match": f'"{tag}"', **SENT})
+        assert saved.status_code == 204
+        tag = saved.headers["ETag"].strip('"')
+        told = browser.get(f"/edit/{CHECK}/{shown}", params={"shown": tag} if shown == "b" else {}).text
+        return html.unescape(told)
+
+    told = save(source.removesuffix("}"))
+    assert "line 4, column 16<" in told and "a { has no }: add it" in told and f"{CHECK}.json: b<" in told
+    assert "line 4, column 7<" in save(source.replace('"id"', "“id”"))
+    assert "write straight quotes" in save(source.replace('"id"', "“id”"))
+    assert "line 14, column 5 of the file" in save(source.removesuffix("}"), shown="a")
+    assert file.read_text() != whole and save(source) and file.read_text() == whole
+
+
+def test_a_line_of_markdown_is_that_of_what_is_shown(browser: TestClient, folder: Path) -> None:
+    [written] = write_converted(folder / "quizzes/1.3-check.json")
+    written.write_text(written.read_text().replace("Answer: 5 ms", "Answer: five"))
+    line = written.read_text()[: written.read_text().index("Answer: five")].count("\n") + 1
+    shown = find_question(written.read_text(), "q2", written.name)[0]
+    of_shown = line - written.read_text()[:shown].count("\n")
+    assert f'<td data-column="Key">line {of_shown}<' in browser.get(NUMBER).text
+    assert f'<td data-column="Key">line {line} of the file<' in browser.get(CHOICE).text

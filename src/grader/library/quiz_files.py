@@ -1,5 +1,7 @@
 """The files of quizzes: JSON, and Markdown that stands for it."""
 
+import re
+from collections.abc import Container, Iterable
 from pathlib import Path
 
 from grader.errors import Fault
@@ -8,6 +10,9 @@ from grader.library.json_text import parse_json
 from grader.library.quiz_source import QuizSource
 
 MARKDOWN = ".md"
+ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+"""What `Quiz` and `Question` take."""
+
 NOT_QUIZZES = ("readme.md",)
 
 
@@ -32,17 +37,38 @@ def is_markdown(file: str) -> bool:
     return file.endswith(MARKDOWN)
 
 
-def outline_quiz(root: Path, file: str) -> tuple[str, list[str]] | None:
-    """Returns the id of a quiz and those of its questions, also where they have faults; None for what is no quiz."""
+def outline_quiz(root: Path, file: str) -> tuple[str, dict[str, str]] | None:
+    """Returns the id of a quiz and those of its questions by their names, also where they have faults; None for what is
+    no quiz."""
     text = read_text(root, file, QUIZ_BYTES_MAX)
     if isinstance(text, Fault):
         return None
     source = parse_quiz(text, file)
     if is_markdown(file):
         named = source.raw["id"] if source.raw is not None else Path(file).stem
-        return str(named), list(source.questions)
+        return str(named), name_questions(enumerate((id_ for id_, _ in source.questions), 1))
     if not isinstance(source.raw, dict) or not isinstance(source.raw.get("id"), str):
         return None
     items = source.raw.get("questions")
-    questions = enumerate(items if isinstance(items, list) else [], 1)
-    return source.raw["id"], [str(item.get("id", f"q{at}")) for at, item in questions if isinstance(item, dict)]
+    numbered = enumerate(items if isinstance(items, list) else [], 1)
+    ids = ((number, str(item.get("id", f"q{number}"))) for number, item in numbered if isinstance(item, dict))
+    return source.raw["id"], name_questions(ids)
+
+
+def name_questions(ids: Iterable[tuple[int, str]]) -> dict[str, str]:
+    """Returns ids by their names, of places from 1 on in a quiz and the ids there."""
+    named: dict[str, str] = {}
+    for number, id_ in ids:
+        named[name_question(number, id_, named)] = id_
+    return named
+
+
+def name_question(number: int, id_: str, taken: Container[str]) -> str:
+    """Returns the name by which a question is found, in an address too: its id, or its place, as `~3`, where that is
+    no valid id or one of those before it has `taken` it."""
+    return id_ if ID.fullmatch(id_) and id_ not in taken else f"~{number}"
+
+
+def name_quiz(id_: str, file: str) -> str:
+    """Returns the name by which a quiz is found: its id, or the name of its file where that is no valid id."""
+    return id_ if ID.fullmatch(id_) else Path(file).stem

@@ -10,12 +10,12 @@ from grader.errors import Fault
 @dataclass(frozen=True)
 class QuizSource:
     """The JSON of a quiz, None where the file has `faults`. Of a file in Markdown also `lines` by key, `questions`, the
-    line at which each begins, and the `starters` that stand in the file itself, by path."""
+    id of each and the line at which it begins, and the `starters` that stand in the file itself, by path."""
 
     raw: Any | None
     faults: tuple[Fault, ...] = ()
     lines: Mapping[str, int] = field(default_factory=dict)
-    questions: Mapping[str, int] = field(default_factory=dict)
+    questions: tuple[tuple[str, int], ...] = ()
     starters: Mapping[str, str] = field(default_factory=dict)
 
     def add_line(self, fault: Fault) -> Fault:

@@ -106,8 +106,7 @@ def read_markdown(text: str, file: str) -> QuizSource:
         reading.raw["labs"] = reading.labs
     if reading.sections:
         reading.raw["questions"] = [_finish(reading, section) for section in reading.sections]
-    questions = {section.key: section.line for section in reversed(reading.sections)}
-    questions = dict(reversed(questions.items()))
+    questions = tuple((section.key, section.line) for section in reading.sections)
     raw = None if reading.faults else reading.raw
     return QuizSource(raw, tuple(sorted(reading.faults)), reading.lines, questions, reading.starters)
 

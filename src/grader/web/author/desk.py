@@ -3,25 +3,25 @@
 import hashlib
 import json
 import os
-import re
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Condition, Thread
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
-from grader.errors import ContentError, Fault, NotFound, Outdated
+from grader.errors import Conflict, ContentError, Fault, NotFound, Outdated
 from grader.grading.checking import check_content
 from grader.grading.pipeline import Pipeline
 from grader.grading.report import Report
 from grader.grading.selection import Selection
 from grader.library import Library, PassedChecks, load
 from grader.library.files import QUIZ_BYTES_MAX, read_text
-from grader.library.question_text import find_id, find_question
-from grader.library.quiz_files import list_quiz_files, outline_quiz
+from grader.library.question_text import find_name, find_question
+from grader.library.quiz_files import list_quiz_files, name_quiz, outline_quiz
 from grader.library.scaffold import add_exercise, add_question
+from grader.web.author.source import ShownSource, Tag
 
 WATCHED = (
     "quizzes/**/*", "lessons/*.md", "models/**/*", "programs/**/*", "images/**/*", "files/**/*",
@@ -35,8 +35,6 @@ WHOLE = (
     "is. Mend the question within the text of the file."
 )
 
-TAG = re.compile(r"([0-9a-f]{16})-(\d{1,9})-(\d{1,9})")
-
 OpenPipeline = Callable[[Library], AbstractContextManager[Pipeline]]
 
 
@@ -49,49 +47,11 @@ class Check:
     report: Report | None = None
 
 
-@dataclass(frozen=True)
-class Tag:
-    """What a page shows of a file: of the text with this `digest` all but the characters `before` and `after` it. So
-    what is saved takes the place of what was shown, whatever its own id or syntax has become."""
-
-    digest: str
-    before: int
-    after: int
-
-    @classmethod
-    def compute(cls, text: str, start: int, end: int) -> Self:
-        """Returns the tag of a part of a text."""
-        return cls(hash_text(text), start, len(text) - end)
-
-    @classmethod
-    def read(cls, tag: str) -> Self | None:
-        """Returns a tag that was written as text; None for what is none."""
-        match = TAG.fullmatch(tag)
-        return cls(match[1], int(match[2]), int(match[3])) if match else None
-
-    def __str__(self) -> str:
-        return f"{self.digest}-{self.before}-{self.after}"
-
-    @property
-    def is_part(self) -> bool:
-        """Whether it is of less than the whole text."""
-        return bool(self.before or self.after)
-
-    def fits(self, text: str) -> bool:
-        """Whether the text is still the same."""
-        return self.digest == hash_text(text) and self.before + self.after <= len(text)
-
-
 class SavedQuestion(NamedTuple):
-    """The id of the question that was saved, which its author may have changed, and the tag of its source now."""
+    """The name of the question that was saved, which its author may have changed, and the tag of its source now."""
 
     question: str
     tag: str
-
-
-def hash_text(text: str) -> str:
-    """Returns a digest of a text, by which a change is noticed."""
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @dataclass
@@ -121,14 +81,14 @@ class AuthorDesk:
                 digest.update(f"{path}\0{stat.st_size}\0{stat.st_mtime_ns}\n".encode())
         return digest.hexdigest()[:16]
 
-    def list_questions(self) -> list[tuple[str, list[str]]]:
-        """Returns the ids of every quiz and its questions, also of those with faults; without files that are no
-        JSON."""
-        outlines = (outline_quiz(self.root, file) for file in list_quiz_files(self.root))
-        return [outline for outline in outlines if outline is not None]
+    def list_questions(self) -> list[tuple[str, dict[str, str]]]:
+        """Returns the name of every quiz, and the ids of its questions by their names, also of those with faults;
+        without files that are no JSON."""
+        outlines = [(file, outline_quiz(self.root, file)) for file in list_quiz_files(self.root)]
+        return [(name_quiz(it[0], file), it[1]) for file, it in outlines if it is not None]
 
     def find_file(self, quiz: str) -> str:
-        """Returns the file of a quiz: by its id, else by its name, as while it is no JSON. Raises NotFound."""
+        """Returns the file of a quiz: by its id, else by its own name, as while it is no JSON. Raises NotFound."""
         files = list_quiz_files(self.root)
         by_id = {outline[0]: file for file in files if (outline := outline_quiz(self.root, file)) is not None}
         by_name = {Path(file).stem: file for file in files}
@@ -137,46 +97,55 @@ class AuthorDesk:
             raise NotFound(f"There is no quiz {quiz!r}.")
         return path
 
-    def read_source(self, quiz: str, question: str) -> tuple[str, str, bool]:
-        """Returns the source of a question, the tag under which it is saved, and whether it is that of the whole file,
-        as while the question cannot be found in it. Raises NotFound."""
+    def read_source(self, quiz: str, question: str, tag: str = "") -> ShownSource:
+        """Returns the part that a page shows under this tag, as long as it stays the same, even if it is no question
+        that can be read; else the source of a question by its name, else the whole file. Raises NotFound."""
         file = self.find_file(quiz)
-        text = self._read_file(file)
-        try:
-            start, end = find_question(text, question, file)
-        except NotFound:
-            return text, str(Tag.compute(text, 0, len(text))), True
-        return text[start:end], str(Tag.compute(text, start, end)), False
+        text, shown = self._read_file(file), Tag.read(tag)
+        place = shown.find(text) if shown is not None and shown.is_part else None
+        with suppress(NotFound):
+            place = place or find_question(text, question, file)
+        return ShownSource(file, text, *(place or (0, len(text))))
 
     def save_source(self, quiz: str, question: str, source: str, tag: str) -> SavedQuestion:
         """Writes a source in place of what `read_source` gave with this tag, a question or the whole file. Raises
-        NotFound, and Outdated where the file has changed since."""
+        NotFound, and Outdated where that has changed since; the rest of the file may have."""
         file = self.find_file(quiz)
         with self.changed:
             text, shown = self._read_file(file), Tag.read(tag)
-            if shown is None or not shown.fits(text):
+            place = shown.find(text) if shown is not None else None
+            if shown is None or place is None:
                 raise Outdated(CHANGED)
             if not shown.is_part and is_lone_question(source):
                 raise Outdated(WHOLE)
-            place, end = self.root / file, len(text) - shown.after
-            saved = text[: shown.before] + (source.strip() if shown.is_part else source) + text[end:]
-            with tempfile.NamedTemporaryFile("wb", dir=place.parent, prefix=".saving-", delete=False) as new:
-                new.write(saved.encode())
-            Path(new.name).chmod(place.stat().st_mode & 0o777)
-            if self._read_file(file) != text:  # by an editor of another program meanwhile
-                Path(new.name).unlink()
-                raise Outdated(CHANGED)
-            Path(new.name).replace(place)
-        now = find_id(saved, shown.before, file) if shown.is_part else None
-        return SavedQuestion(now or question, str(Tag.compute(saved, shown.before, len(saved) - shown.after)))
+            start, end = place
+            saved = text[:start] + (source.strip() if shown.is_part else source) + text[end:]
+            self._write_file(file, text, saved)
+        now = find_name(saved, start, file) if shown.is_part else None
+        return SavedQuestion(now or question, str(Tag.compute(saved, start, len(saved) - len(text) + end)))
+
+    def _write_file(self, file: str, text: str, saved: str) -> None:
+        """Writes a file at once in place of its text. Raises Outdated where another program has changed it."""
+        place = self.root / file
+        with tempfile.NamedTemporaryFile("wb", dir=place.parent, prefix=".saving-", delete=False) as new:
+            new.write(saved.encode())
+        Path(new.name).chmod(place.stat().st_mode & 0o777)
+        if self._read_file(file) != text:
+            Path(new.name).unlink()
+            raise Outdated(CHANGED)
+        Path(new.name).replace(place)
 
     def add_question(self, quiz: str, kind: str) -> str:
         """Adds an example of a kind of question, or `exercise:` and a kind of exercise, at the end of a quiz. Returns
-        its id. Raises NotFound, Conflict, and ContentError where the quiz cannot be read."""
+        its name. Raises NotFound, Conflict, and ContentError where the quiz cannot be read."""
+        file = self.find_file(quiz)
         with self.changed:
+            outline = outline_quiz(self.root, file)
+            if outline is not None and outline[0] != quiz:  # by this name another quiz would be begun
+                raise Conflict(f"Nothing was added: mend the id of {file} first.")
             sort, _, name = kind.rpartition(":")
             (add_exercise if sort == "exercise" else add_question)(self.root, quiz, name)
-            return dict(self.list_questions())[quiz][-1]
+            return list(dict(self.list_questions())[quiz])[-1]
 
     def _read_file(self, file: str) -> str:
         text = read_text(self.root, file, QUIZ_BYTES_MAX)
@@ -233,5 +202,7 @@ def is_lone_question(text: str) -> bool:
 
 
 def list_about(faults: list[Fault], file: str, question: str) -> Iterator[Fault]:
-    """Yields the faults that are about a question first, then those of its file, then all others."""
-    yield from sorted(faults, key=lambda fault: (fault.file != file, fault.key.partition(".")[0] != question, fault))
+    """Yields the faults that are about a question, by its id, first, then those of its file, then all others."""
+    yield from sorted(
+        faults, key=lambda fault: (fault.file != file, not f"{fault.key}.".startswith(f"{question}."), fault)
+    )

@@ -2,6 +2,7 @@
 
 import time
 from typing import Annotated, Any
+from urllib.parse import quote
 
 from fastapi import Header, Request
 from fastapi.concurrency import run_in_threadpool
@@ -15,6 +16,7 @@ from grader.library.scaffold import list_exercise_kinds
 from grader.questions import installed_kinds, kind_of
 from grader.web.author.desk import AuthorDesk, Check, list_about
 from grader.web.author.preview import STATES, build_preview, list_samples, try_form
+from grader.web.author.source import ShownSource
 from grader.web.frame.inputs import FormFields
 from grader.web.frame.rendering import page
 from grader.web.verdict.key_plot import draw_key
@@ -36,19 +38,25 @@ def get_desk(request: Request) -> AuthorDesk:
     return desk
 
 
+def address_page(quiz: str, question: str) -> str:
+    """Returns the address of the page of a question, by their names."""
+    return f"/edit/{quote(quiz, safe='')}/{quote(question, safe='')}"
+
+
 @router.get("/")
 def begin(request: Request) -> Response:
     """The first question; a page without one where there is none."""
     for quiz, questions in get_desk(request).list_questions():
         if questions:
-            return RedirectResponse(f"/edit/{quiz}/{questions[0]}", 303)
+            return RedirectResponse(address_page(quiz, next(iter(questions))), 303)
     return page(request, "author_empty.html", root=get_desk(request).root)
 
 
 @router.get("/edit/{quiz}/{question}")
-def show(quiz: str, question: str, request: Request, state: str = "unanswered") -> Response:
-    """A question: its source, its preview in a state, and what the check says. Raises NotFound."""
-    return render(request, quiz, question, state if state in STATES else "unanswered")
+def show(quiz: str, question: str, request: Request, state: str = "unanswered", shown: str = "") -> Response:
+    """A question: its source, its preview in a state, and what the check says. A page that is open already names what
+    is `shown` by its tag: that stays so, even if it is no question for the moment. Raises NotFound."""
+    return render(request, quiz, question, state if state in STATES else "unanswered", shown=shown)
 
 
 @router.post("/try/{quiz}/{question}")
@@ -67,8 +75,8 @@ def save(quiz: str, question: str, request: Request, fields: FormFields) -> Resp
     try:
         saved = get_desk(request).save_source(quiz, question, source, tag)
     except Outdated as error:
-        return render(request, quiz, question, "unanswered", typed=source, trouble=str(error))
-    return RedirectResponse(f"/edit/{quiz}/{saved.question}", 303)
+        return render(request, quiz, question, "unanswered", shown=tag, typed=source, trouble=str(error))
+    return RedirectResponse(address_page(quiz, saved.question), 303)
 
 
 @router.post("/add/{quiz}/{question}")
@@ -79,14 +87,14 @@ def add(quiz: str, question: str, request: Request, fields: FormFields) -> Respo
         added = get_desk(request).add_question(quiz, fields.get("kind", [""])[0])
     except (Conflict, ContentError) as error:
         return render(request, quiz, question, "unanswered", trouble=str(error))
-    return RedirectResponse(f"/edit/{quiz}/{added}", 303)
+    return RedirectResponse(address_page(quiz, added), 303)
 
 
 @router.put("/source/{quiz}/{question}")
 async def put_source(quiz: str, question: str, request: Request, if_match: Annotated[str, Header()] = "") -> Response:
     """Saves the source of a question for the script of the page: 204 with the new tag, and the address of its page
-    where the question has another id now; 412 where the file has changed since it had the tag of `If-Match`, and 413
-    for more than SOURCE_BYTES_MAX. Raises NotFound."""
+    where the question has another name now; 412 where it has changed since it had the tag of `If-Match`, and 413 for
+    more than SOURCE_BYTES_MAX. Raises NotFound."""
     desk, sent = get_desk(request), await request.body()
     if len(sent) > SOURCE_BYTES_MAX:
         return JSONResponse({"why": f"Nothing was saved: a question has at most {SOURCE_BYTES_MAX >> 20} MB."}, 413)
@@ -95,7 +103,7 @@ async def put_source(quiz: str, question: str, request: Request, if_match: Annot
         saved = await run_in_threadpool(desk.save_source, quiz, question, source, if_match.strip('"'))
     except Outdated as error:
         return JSONResponse({"why": str(error)}, 412)
-    moved = {} if saved.question == question else {"Location": f"/edit/{quiz}/{saved.question}"}
+    moved = {} if saved.question == question else {"Location": address_page(quiz, saved.question)}
     return Response(None, 204, {"ETag": f'"{saved.tag}"'} | moved)
 
 
@@ -122,25 +130,25 @@ def write_state(revision: str, is_done: bool) -> str:
 
 def render(
     request: Request, quiz: str, question: str, state: str, answer: dict[str, list[str]] | None = None, *,
-    typed: str | None = None, trouble: str = "",
+    shown: str = "", typed: str | None = None, trouble: str = "",
 ) -> Response:  # fmt: skip
     """Renders the page of one question. Raises NotFound."""
     desk = get_desk(request)
-    source, tag, is_whole = desk.read_source(quiz, question)
+    source = desk.read_source(quiz, question, shown)
     check = desk.check(quiz, question)
     report = desk.wait_for_report(check, FAST_S)
-    loaded = desk.load(quiz)
-    file = desk.find_file(quiz)
-    shown = describe(loaded, quiz, question, state, answer) if isinstance(loaded, Library) else {"preview": None}
+    loaded, quizzes = desk.load(quiz), desk.list_questions()
+    seen_by = describe(loaded, quiz, question, state, answer) if isinstance(loaded, Library) else {"preview": None}
+    question_id = dict(quizzes).get(quiz, {}).get(question, question)
     return page(
-        request, "author.html", quizzes=desk.list_questions(), quiz={"id": quiz}, question=question, file=file,
-        source=source if typed is None else typed, tag=tag, is_whole=is_whole, trouble=trouble,
-        is_writable=desk.is_writable, state=state, states=STATES,
+        request, "author.html", quizzes=quizzes, quiz={"id": quiz}, question=question, question_id=question_id,
+        file=source.file, source=source.source if typed is None else typed, tag=source.tag, is_whole=source.is_whole,
+        trouble=trouble, is_writable=desk.is_writable, state=state, states=STATES,
         # Of the check, not of the folder: what has changed since then is not on this page.
         seen=write_state(check.revision, report is not None), seen_as=state == "due", learner="",
         exercises=list_exercise_kinds(),
         kinds=[name for name, kind in installed_kinds().items() if not kind.is_script],
-        **describe_report(report, check, loaded, file, question), **shown,
+        **describe_report(report, check, loaded, source, question_id), **seen_by,
     )  # fmt: skip
 
 
@@ -158,13 +166,14 @@ def describe(
 
 
 def describe_report(
-    report: Report | None, check: Check, loaded: Library | list[Any], file: str, question: str
+    report: Report | None, check: Check, loaded: Library | list[Any], source: ShownSource, question_id: str
 ) -> dict[str, Any]:
-    """Returns what a check says, for the template; what does not load is told before the check is done."""
+    """Returns what a check says of the question with an id, for the template; what does not load is told before the
+    check is done."""
     faults = loaded if isinstance(loaded, list) else [] if report is None else [*report.faults, *report.undecided]
     return {
-        "faults": list(list_about(faults, file, question)),
-        "remarks": [] if report is None else report.warnings,
+        "faults": [source.place(fault) for fault in list_about(faults, source.file, question_id)],
+        "remarks": [] if report is None else [source.place(remark) for remark in report.warnings],
         "certificates": []
         if report is None
         else [certificate | {"figure": draw_key(certificate)} for certificate in report.certificates],
