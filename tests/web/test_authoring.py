@@ -94,6 +94,26 @@ HOLD = """() => {
 """Holds the first answer with the desk back, until the page's `release()`, and all once `isLast`."""
 
 
+TYPE_ON = """text => {
+  const plain = window.fetch;
+  const field = document.querySelector("[data-source]").elements.source;
+  window.puts = 0;
+  window.fetch = async (address, options) => {
+    if (options?.method !== "PUT") return plain(address, options);
+    window.puts += 1;
+    if (window.puts === 1) { // typed and saved while this one is on its way
+      await new Promise((resolve) => setTimeout(resolve));
+      field.value = text;
+      field.form.requestSubmit();
+    }
+    return plain(address, options);
+  };
+  field.value += "\\n";
+  field.form.requestSubmit();
+}"""
+"""Saves, and saves another text before the first answer is there."""
+
+
 @dataclass
 class Author:
     """An author with a folder, an editor of their own for new questions, and the desk in a browser."""
@@ -203,6 +223,63 @@ def test_a_slip_leaves_the_question_in_the_box_and_the_others_in_the_file(author
         "stage",
         "speed",
     ]
+
+
+def test_two_clicks_save_once_and_what_is_typed_meanwhile_is_saved_too(author: Author) -> None:
+    author.write_file([CHOICE, SPEED])
+    author.page.goto(f"/edit/{QUIZ}/stage")
+    author.expect_whole()
+    sent: list[str] = []
+    author.page.on("request", lambda request: sent.append(request.method) if request.method == "PUT" else None)
+    author.page.get_by_label(f"{FILE}: stage").fill(json.dumps({**CHOICE, "q": "Which stage computes poses?"}))
+    author.page.get_by_role("button", name="Save").dblclick()
+    expect(author.page.locator("[data-source] [data-trouble]")).to_have_text("Saved.")
+    assert sent == ["PUT"]
+    author.page.evaluate(TYPE_ON, json.dumps({**CHOICE, "q": "Which stage, then?"}))
+    expect(author.page.locator("[data-source] [data-trouble]")).to_have_text("Saved.")
+    author.page.wait_for_function("() => window.puts === 2")
+    author.page.wait_for_timeout(500)
+    expect(author.page.locator("[data-source] [data-trouble]")).to_have_text("Saved.")
+    assert json.loads((author.root / FILE).read_text())["questions"][0]["q"] == "Which stage, then?"
+
+
+def test_another_question_of_the_file_may_change_while_one_is_typed(author: Author) -> None:
+    author.write_file([CHOICE, SPEED])
+    author.page.goto(f"/edit/{QUIZ}/speed")
+    author.expect_whole()
+    said = author.page.locator("[data-source] [data-trouble]")
+    typed = json.dumps({**SPEED, "q": "How fast is it at most?"})
+    author.page.get_by_label(f"{FILE}: speed").fill(typed)
+    tag = author.page.locator("[name=tag]").input_value()
+    author.write_file([{**CHOICE, "q": "Which stage of the two computes poses?"}, SPEED])
+    author.page.wait_for_function("tag => document.querySelector('[name=tag]').value !== tag", arg=tag)
+    expect(said).to_be_empty()
+    author.page.get_by_role("button", name="Save").click()
+    expect(said).to_have_text("Saved.")
+    assert typed in (author.root / FILE).read_text() and "of the two" in (author.root / FILE).read_text()
+    author.page.get_by_label(f"{FILE}: speed").fill(json.dumps(SPEED))
+    author.write_file([CHOICE])
+    expect(said).to_contain_text("deleted, or has another id")
+    assert "at most, $" in author.page.get_by_label(f"{FILE}: speed").input_value()
+    author.write_file([CHOICE, {**SPEED, "q": "How fast is it at most?"}])
+    expect(said).to_contain_text("has changed on the disk")
+
+
+def test_a_bracket_that_is_missing_is_told_with_its_line_in_the_box(author: Author) -> None:
+    author.write_file([CHOICE, SPEED])
+    author.page.goto(f"/edit/{QUIZ}/stage")
+    author.expect_whole()
+    box, good = author.page.get_by_label(f"{FILE}: stage"), json.dumps(CHOICE, indent=2)
+    box.fill(good.removesuffix("}"))
+    author.page.get_by_role("button", name="Save").click()
+    author.expect_said("a { has no }: add it")
+    author.expect_said(f"line {good.count(chr(10))}, column")
+    author.page.set_viewport_size({"width": 390, "height": 800})
+    row = author.said.locator("tbody tr")
+    assert row.evaluate("row => getComputedStyle(row).display") == "block"
+    widths = row.locator("th, td").evaluate_all("cells => cells.map(cell => cell.getBoundingClientRect().width)")
+    assert min(widths) > 250, "each cell has the whole width"
+    author.shoot("remarks on a phone")
 
 
 def write_a_first_question(author: Author) -> None:

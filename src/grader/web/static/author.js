@@ -6,9 +6,14 @@ const desk = document.querySelector("[data-author]");
 const form = document.querySelector("[data-source]");
 const field = form.elements.source;
 const trouble = form.querySelector("[data-trouble]");
-const path = desk.dataset.author;
+let path = desk.dataset.author; // another one once the question is saved with another id
 let saved = field.value;
+let isSaving = false, isWanted = false; // one save at a time; whether another is asked for meanwhile
+let isGone = false;
 let turn = 0; // of the newest refresh or save: what was fetched before it is old
+
+const CHANGED = "The file has changed on the disk: copy what you typed, and read the page again.";
+const GONE = "The file holds no such question any more: it was deleted, or has another id now. Nothing of it can be saved here: copy what you need.";
 
 const isChanged = () => field.value !== saved;
 
@@ -35,6 +40,20 @@ addEventListener("beforeunload", (event) => {
 });
 
 async function save() {
+  isWanted = true;
+  if (isSaving) return;
+  isSaving = true;
+  try {
+    for (let isFirst = true; isWanted && (isFirst || isChanged()); isFirst = false) {
+      isWanted = false;
+      await send();
+    }
+  } finally {
+    isSaving = isWanted = false;
+  }
+}
+
+async function send() {
   const sent = field.value;
   const response = await fetch(`/source/${path}`, { method: "PUT", body: sent, headers: { "If-Match": `"${form.elements.tag.value}"` } })
     .catch(() => null);
@@ -44,8 +63,17 @@ async function save() {
     turn += 1;
     say("Saved.");
     const moved = response.headers.get("Location"); // the question has another id now
-    if (moved && !isChanged()) location.assign(moved);
-    else await refresh();
+    if (moved && !isChanged()) {
+      location.assign(moved);
+      return;
+    }
+    if (moved) { // what is typed meanwhile stays
+      path = moved.replace("/edit/", "");
+      history.replaceState(null, "", moved);
+    }
+    refresh();
+  } else if (response?.status === 404) {
+    say(GONE, true);
   } else {
     say([412, 413].includes(response?.status) ? (await response.json()).why : "Nothing was saved: does grader author still run?", true);
   }
@@ -61,16 +89,22 @@ function download() {
   URL.revokeObjectURL(link.href);
 }
 
-// Of the file; what follows it in a tag says which part of the file is shown.
+// Of the whole file; what follows it in a tag says which part of the file is shown.
 const digestOf = (tag) => tag.split("-")[0];
 
 // Replaces what is shown by the page as it is now; what is typed and not saved stays.
 async function refresh() {
   const mine = ++turn;
-  const response = await fetch(location.pathname.startsWith("/edit/") ? location.href : `/edit/${path}`).catch(() => null);
+  const address = new URL(location.pathname.startsWith("/edit/") ? location.href : `/edit/${path}`, location.href);
+  address.searchParams.set("shown", form.elements.tag.value);
+  const response = await fetch(address).catch(() => null);
+  const text = await response?.text();
+  if (mine !== turn || isSaving) return; // a save leads here again
+  const wasGone = isGone;
+  isGone = response?.status === 404;
+  if (isGone !== wasGone) say(isGone ? GONE : "", isGone);
   if (!response?.ok) return;
-  const page = new DOMParser().parseFromString(await response.text(), "text/html");
-  if (mine !== turn) return;
+  const page = new DOMParser().parseFromString(text, "text/html");
   document.querySelector("[data-shown]").replaceWith(page.querySelector("[data-shown]"));
   document.querySelectorAll("[data-lab]").forEach(watch);
   offerCopies(document.querySelector("[data-shown]"));
@@ -83,8 +117,11 @@ async function refresh() {
     saved = field.value;
     form.elements.tag.value = newer.tag.value;
     form.querySelector("[for=source]").textContent = page.querySelector("[data-source] [for=source]").textContent;
+  } else if (newer.source.value.trim() === saved.trim()) { // it has changed elsewhere
+    form.elements.tag.value = newer.tag.value;
+    if (trouble.textContent === CHANGED) say("");
   } else {
-    say("The file has changed on the disk: copy what you typed, and read the page again.", true);
+    say(CHANGED, true);
   }
 }
 
@@ -94,9 +131,12 @@ async function follow() {
     if (!response?.ok) {
       say("grader author does not answer.", true);
       await new Promise((resolve) => setTimeout(resolve, 2000));
-    } else if ((await response.json()).state !== desk.dataset.seen) {
-      await refresh();
+      continue;
     }
+    const { state } = await response.json();
+    if (state === desk.dataset.seen) continue;
+    await refresh();
+    if (isGone) desk.dataset.seen = state; // there is no page to say what it has seen
   }
 }
 
