@@ -5,6 +5,7 @@ Every step leaves a screenshot: `GRADER_TEST_FILM=FOLDER` keeps them.
 
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -263,6 +264,26 @@ def test_another_question_of_the_file_may_change_while_one_is_typed(author: Auth
     assert "at most, $" in author.page.get_by_label(f"{FILE}: speed").input_value()
     author.write_file([CHOICE, {**SPEED, "q": "How fast is it at most?"}])
     expect(said).to_contain_text("has changed on the disk")
+
+
+def test_a_faulty_id_is_saved_and_named(author: Author) -> None:
+    author.write_file([CHOICE, SPEED])
+    author.page.goto(f"/edit/{QUIZ}/stage")
+    author.expect_whole()
+    here = author.page.get_by_role("navigation", name="Questions").locator("[aria-current]")
+    box = author.page.locator("#source")
+    for id_ in ("θ1", "a/b", "../..", "speed"):
+        box.fill(json.dumps({**CHOICE, "id": id_}))
+        author.page.get_by_role("button", name="Save").click()
+        author.expect_said(f"{id_}.id")
+        expect(here).to_have_text(id_)
+        expect(author.page.get_by_role("heading", level=1)).to_have_text(f"{FILE}: {id_}")
+        expect(author.page.locator("[data-source] .bad")).to_have_count(0)
+    author.save({**CHOICE, "id": "speed", "q": "Which stage?"})
+    box.fill(json.dumps(CHOICE))
+    author.page.get_by_role("button", name="Save").click()
+    expect(author.page).to_have_url(re.compile(f"/edit/{QUIZ}/stage$"))
+    author.expect_whole()
 
 
 def test_a_bracket_that_is_missing_is_told_with_its_line_in_the_box(author: Author) -> None:

@@ -63,15 +63,12 @@ async function send() {
     turn += 1;
     say("Saved.");
     const moved = response.headers.get("Location"); // the question has another id now
-    if (moved && !isChanged()) {
-      location.assign(moved);
-      return;
-    }
-    if (moved) { // what is typed meanwhile stays
+    if (moved) {
       path = moved.replace("/edit/", "");
       history.replaceState(null, "", moved);
     }
-    refresh();
+    if (path !== desk.dataset.author && !isChanged()) location.reload();
+    else refresh(); // what is typed meanwhile stays
   } else if (response?.status === 404) {
     say(GONE, true);
   } else {
@@ -109,14 +106,19 @@ async function refresh() {
   document.querySelectorAll("[data-lab]").forEach(watch);
   offerCopies(document.querySelector("[data-shown]"));
   desk.dataset.seen = page.querySelector("[data-author]").dataset.seen;
+  const [list, newList] = [document, page].map((one) => one.querySelector("[data-questions]"));
+  // While the file cannot be read, its questions are not in the new list.
+  if (newList.querySelector("[aria-current]") && list.innerHTML !== newList.innerHTML) list.replaceWith(newList);
   const newer = page.querySelector("[data-source]").elements;
+  const [label, newLabel] = [document, page].map((one) => one.querySelector("[data-source] [for=source]"));
   // The file is as it was saved here: what is shown stays, even if the question cannot be found in it for the moment.
-  if (digestOf(newer.tag.value) === digestOf(form.elements.tag.value)) return;
-  if (!isChanged()) {
+  if (digestOf(newer.tag.value) === digestOf(form.elements.tag.value)) {
+    label.textContent = newLabel.textContent;
+  } else if (!isChanged()) {
     if (field.value !== newer.source.value) field.value = newer.source.value;
     saved = field.value;
     form.elements.tag.value = newer.tag.value;
-    form.querySelector("[for=source]").textContent = page.querySelector("[data-source] [for=source]").textContent;
+    label.textContent = newLabel.textContent;
   } else if (newer.source.value.trim() === saved.trim()) { // it has changed elsewhere
     form.elements.tag.value = newer.tag.value;
     if (trouble.textContent === CHANGED) say("");
