@@ -175,10 +175,29 @@ def test_a_link_is_no_script(grade: Grade, autograder: Path) -> None:
 
 
 def test_a_script_that_cannot_be_read_gets_a_reason(grade: Grade) -> None:
-    code, _, results = grade(answer=b"# \xe9\n")
-    assert code == 0 and results is not None
-    SCHEMA.validate(results)
-    assert "UTF-8" in results["output"]
+    for files, why in (
+        ({"answer": b"# \xe9\n"}, "UTF-8"),
+        ({"answer.ipynb": b'{"cells": ['}, "is no notebook of format 4: save it again with Jupyter"),
+        ({"answer": b"#" * 300_000}, "256 KB"),
+    ):
+        code, _, results = grade(**files)
+        assert code == 0 and results is not None
+        SCHEMA.validate(results)
+        assert why in results["output"]
+        assert results["score"] == 0
+
+
+@pytest.mark.parametrize("damaged", ["key", "content/models/pendulum_servo.xml", "content/quizzes/1.3-exercises.json"])
+def test_a_package_that_is_damaged_takes_no_points(damaged: str, grade: Grade, autograder: Path) -> None:
+    path = autograder / "source" / damaged
+    held = path.read_bytes()
+    try:
+        path.write_text("{") if path.suffix == ".json" else path.unlink()
+        code, printed, results = grade(answer=(SOLUTIONS / "correct__spectral_radius.py").read_bytes())
+    finally:
+        path.write_bytes(held)
+    assert (code, results) == (2, None)
+    assert path.name in printed
 
 
 @pytest.mark.jail

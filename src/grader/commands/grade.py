@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, Never
 
 import typer
 from rich.console import Console
@@ -18,9 +18,13 @@ if TYPE_CHECKING:
     from grader.domain.verdict import Verdict
     from grader.grading.pipeline import Pipeline
     from grader.library import Library
-    from grader.questions import Question
+    from grader.questions import Question, Quiz
+    from grader.reports import GradedAnswer
 
 cli = typer.Typer()
+
+Form = Literal["gradescope", "junit"]
+"""The document of another grader."""
 
 
 @contextmanager
@@ -53,9 +57,7 @@ def grade(
     key: Annotated[
         Path | None, typer.Option(help="A file of random bytes: with it the same answer gets the same hidden cases.")
     ] = None,
-    form: Annotated[
-        Literal["gradescope", "junit"] | None, typer.Option("--format", help="Print the document of another grader.")
-    ] = None,
+    form: Annotated[Form | None, typer.Option("--format", help="Print the document of another grader.")] = None,
 ) -> None:
     """Grade one answer with no server and no database. Exits 0 if it is correct, else 1."""
     from grader.courses.rules.policy import report_verdict
@@ -67,18 +69,22 @@ def grade(
         raise Unprocessable("Give either --json or --format.")
     library = load(read_settings().content, quiz, question=question)
     asked = library.question(quiz, question)
-    kind = kind_of(asked)
-    is_script = kind.is_script
-    given = kind.from_text(asked, read_handed_in(Path(answer), asked) if is_script else answer)
-    with open_pipeline(library, jailed=is_script) as pipeline:
-        keyed = pipeline if key is None else replace(pipeline, secret=key.read_bytes())
-        submission = keyed.read(quiz, question, given, seed)
-        verdict = report_verdict(keyed.judge_with_retries(submission), submission.question)
+    is_script = kind_of(asked).is_script
+    secret = None if key is None else key.read_bytes()
+    with open_pipeline(library, jailed=is_script) as opened:
+        pipeline = opened if secret is None else replace(opened, secret=secret)
+        try:
+            given = kind_of(asked).from_text(asked, read_handed_in(Path(answer), asked) if is_script else answer)
+            submission = pipeline.read(quiz, question, given, seed)
+        except CallerError as error:
+            if form is None:
+                raise
+            report_unreadable(library.quiz(quiz), asked, str(error), form)
+        verdict = report_verdict(pipeline.judge_with_retries(submission), submission.question)
     if form is not None:
-        from grader.reports import GradedAnswer, junit_xml, results_json
+        from grader.reports import GradedAnswer
 
-        write = {"gradescope": results_json, "junit": junit_xml}[form]
-        print(write(GradedAnswer(library.quiz(quiz), submission.question, verdict, submission.seed)))
+        print_report(GradedAnswer(library.quiz(quiz), submission.question, verdict, submission.seed), form)
     elif as_json:
         document = json.loads(verdict.model_dump_json()) | {"seed": submission.seed}
         print(json.dumps(document, ensure_ascii=False, indent=2))
@@ -87,6 +93,24 @@ def grade(
     if verdict.status is Status.GRADER_FAULT:
         sys.exit(FAULT)
     sys.exit(CORRECT if verdict.status is Status.CORRECT else OTHER_VERDICT)
+
+
+def print_report(graded: "GradedAnswer", form: Form) -> None:
+    """Prints a verdict as the document of another grader. Raises JailFault for a fault of ours."""
+    from grader.reports import junit_xml, results_json
+
+    print({"gradescope": results_json, "junit": junit_xml}[form](graded))
+
+
+def report_unreadable(quiz: "Quiz", question: "Question", why: str, form: Form) -> Never:
+    """Prints the document of a file that cannot be read, which is the learner's mistake, and ends the command as for
+    any wrong answer: 2 is left to faults of the content and the command."""
+    from grader.domain.verdict import Status
+    from grader.grading.pipeline import build_ungraded
+    from grader.reports import GradedAnswer
+
+    print_report(GradedAnswer(quiz, question, build_ungraded(question, Status.INVALID_ANSWER, why)), form)
+    sys.exit(OTHER_VERDICT)
 
 
 @cli.command("grade-notebook")
