@@ -41,6 +41,9 @@ FOUND_EARLIER = (
     "no warning. A list or dictionary outside of the function keeps what it found: make it new in every call."
 )
 
+IMPLICIT = frozenset({"implicit", "implicitfast"})
+"""Integrators under which a servo's damping raises the limit of its spring."""
+
 
 def name_the_mistake(parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> str | None:
     """Returns the sentence of the first method that explains every wrong claim, or None."""
@@ -143,10 +146,10 @@ def repeats_earlier_find(judged: Sequence[JudgedTrial[Cell, Claim]], wrong: Sequ
 def list_particulars(parameters: ThresholdParameters, judged: Sequence[JudgedTrial[Cell, Claim]]) -> dict[str, str]:
     """Returns what a sentence may say: the exercise's public numbers, and those of its first visible model."""
     visible = next((read_servo(trial.problem) for trial in judged if not trial.hidden), None)
+    wrong = {trial.problem.integrator.name for trial in judged if not trial.judgement.passed}
+    moves = "lowers Euler's" if "Euler" in wrong or not wrong & IMPLICIT else f"raises {min(wrong & IMPLICIT)}'s"
     shift = (
-        f": the servo's own damping lowers Euler's limit by kv/kp = {1000 * visible.kv / visible.kp:.3g} ms"
-        if visible
-        else ""
+        f": the servo's own damping {moves} limit by kv/kp = {1000 * visible.kv / visible.kp:.3g} ms" if visible else ""
     )
     model = judged[0].trial.problem.scene.model
     start = ", ".join(f"{joint} at {value:g} {find_unit(model, joint)}" for joint, value in parameters.start.items())
