@@ -15,7 +15,7 @@ from grader.exercises.kinds.controller.parameters import ControllerParameters
 from grader.exercises.kinds.controller.sentences import DEGREES, LARGE, LITTLE, MISSING, MISSING_HERE, SIGN, SWAPPED
 
 SMALL = 0.02
-"""A gain below this share of the least sensible one is as good as none."""
+"""A gain below this share of the least sensible one is as good as none, where another is sensible."""
 
 FAR = 5.0
 """A gain that is larger than the largest sensible one by this factor may be one of degrees."""
@@ -93,6 +93,9 @@ def find_wrong_gains(parameters: ControllerParameters, problem: Problem, laws: L
     if sum(not what for what in found.values()) < 2:  # small gains alone are no angles in radians
         small = {name for name, gain in gains.items() if abs(gain) < min(map(abs, parameters.law[name]))}
         found = {name: LITTLE if name in small and what == DEGREES else what for name, what in found.items()}
+    if MISSING in found.values() and [*found.values()].count(DEGREES) == 1:  # one gain alone is in no unit
+        large = {name for name, gain in gains.items() if abs(gain) > max(map(abs, parameters.law[name]))}
+        found = {name: LARGE if name in large and what == DEGREES else what for name, what in found.items()}
     is_summed = any(law.integral for law in laws)
     for template in (SIGN, DEGREES, MISSING, LARGE, LITTLE):
         for name, what in found.items():
@@ -123,17 +126,21 @@ def are_shares(parameters: ControllerParameters, problem: Problem, laws: Laws) -
 def classify_gains(parameters: ControllerParameters, problem: Problem, laws: Laws) -> dict[str, str]:
     """Returns the sentence of each gain, as `judge_gain`, by the ranges of the author's `law`."""
     columns = find_columns(parameters, problem)
-    return {name: judge_gain(laws, columns[name], *allowed) for name, allowed in parameters.law.items()}
+    gains = {name: abs(find_gain(laws, columns[name])[1]) for name in parameters.law}
+    least = {name: min(abs(low), abs(high)) for name, (low, high) in parameters.law.items()}
+    sizes = [gain / least[name] for name, gain in gains.items() if np.isfinite(gain) and least[name]]
+    none = SMALL * min(1.0, max(sizes, default=1.0))  # gains in a unit that is far too large are all small, not missing
+    return {name: judge_gain(laws, columns[name], *allowed, none=none) for name, allowed in parameters.law.items()}
 
 
-def judge_gain(laws: Laws, column: int, low: float, high: float) -> str:
+def judge_gain(laws: Laws, column: int, low: float, high: float, *, none: float) -> str:
     """Returns the sentence that is true of the gains of every control that follows an observed number a good deal;
-    empty if there is none. That it is missing is true where no control follows it."""
+    empty if there is none. That it is missing is true where no control follows it; `none` is as in `classify_gain`."""
     gains = np.array([law.gains[column] for law in laws])
     if not np.isfinite(gains).all():
         return ""
     shares = np.abs(gains) / [law.size for law in laws]
-    found = [classify_gain(gain, low, high, differentiated=law.differentiates)
+    found = [classify_gain(gain, low, high, differentiated=law.differentiates, none=none)
              for gain, law in zip(gains.tolist(), laws, strict=True)]  # fmt: skip
     users = [
         what for what, share in zip(found, shares, strict=True) if share >= PLAIN * shares.max() and what != MISSING
@@ -142,16 +149,16 @@ def judge_gain(laws: Laws, column: int, low: float, high: float) -> str:
     return told.pop() if len(told) == 1 else ""
 
 
-def classify_gain(gain: float, low: float, high: float, *, differentiated: bool) -> str:
-    """Returns the sentence of a gain; empty if it is sensible. A range about 0 says nothing of the sign, and what
-    stayed constant nothing of its gain."""
+def classify_gain(gain: float, low: float, high: float, *, differentiated: bool, none: float = SMALL) -> str:
+    """Returns the sentence of a gain; empty if it is sensible. A gain below the share `none` of the least sensible one
+    is missing. A range about 0 says nothing of the sign, and what stayed constant nothing of its gain."""
     if not np.isfinite(gain) or low <= gain <= high or low * high <= 0:
         return ""
     sign = 1.0 if low > 0 else -1.0
     size, least, most = sign * gain, min(abs(low), abs(high)), max(abs(low), abs(high))
     if 0 < size < least / FAR and least <= size * degrees(1) <= most:
         return DEGREES
-    if abs(size) < SMALL * least:
+    if abs(size) <= none * least:
         return "" if differentiated else MISSING
     if size > FAR * most and least <= size / degrees(1) <= most:
         return DEGREES

@@ -29,6 +29,9 @@ as the acceleration."""
 ROUNDS = 1e-3
 """How far such a factor may be off, relatively: by rounding, and by forces of the motion."""
 
+ROUNDING = 1e-10
+"""What a gain moves of the controls, as a share of what the largest one moves, that is rounding."""
+
 ROWS_MIN = 12
 """Fewer controls than this tell no law."""
 
@@ -147,6 +150,8 @@ def solve(columns: Floats, asked: Floats, free: Mask, fits: float) -> tuple[Floa
         return None
     if np.abs(solution[:-1]).max(initial=0.0) > CANCELS * wanted.std():
         return None
+    moves = np.abs(solution[:-1])
+    solution[:-1][moves < ROUNDING * moves.max(initial=0.0)] = 0.0
     gains = np.full(columns.shape[1], np.nan)
     gains[moving] = solution[:-1] / scale[moving]
     return gains, float(solution[-1])

@@ -89,6 +89,9 @@ QUICK = 0.1
 """The gain on the sum of errors over that on the error, in control periods: a sum that outgrows the error within ten
 periods lacks the period as a factor."""
 
+HALF = 0.5
+"""How far what is kept up may be from what holds the model, relative to that."""
+
 SATURATED = 0.5
 """The share of time at the actuator's limit that counts as most of it."""
 
@@ -190,7 +193,7 @@ def find_sentences(parameters: ControllerParameters, judged: Judged, record: Rec
     if any(stays_within_limits(judged.problem, record, index) for index, law in enumerate(laws) if law is None):
         yield OWN_LIMIT
     if exact is not None and not any(law.integral for law in exact) and rests_beside_target(record):
-        yield HANGS
+        yield GRAVITY_SIGN if pulls_down(parameters, judged.problem, record, exact) else HANGS
     still = np.flatnonzero(np.ptp(record.asked, axis=0) == 0).tolist()
     if len(record.time_s) > 1:
         yield from (STILL.format(name=name_actuator(judged.problem.model, index)) for index in still)
@@ -298,6 +301,19 @@ def rests_beside_target(record: Record) -> bool:
     error = float(np.abs(target - tracked).min())
     way = float(np.ptp(record.tracked))
     return bool(np.ptp(target) == 0 and error > RESTS * way and np.ptp(tracked) < RESTS * error)
+
+
+def pulls_down(parameters: ControllerParameters, problem: Problem, record: Record, laws: Laws) -> bool:
+    """Whether what a control keeps up at the target is about what holds the model there, with the wrong sign."""
+    track = find_columns(parameters, problem)[parameters.track]
+    control, gain = find_gain(laws, track)
+    loads = measure_loads(problem, record, of_others=False)[control]
+    if not loads or not np.isfinite(gain) or not loads[0][-1]:
+        return False
+    law, target = laws[control], float(record.target[-1])
+    of_target = float(np.nan_to_num(law.gains[-1])) if parameters.has_target and track != len(law.gains) - 1 else 0.0
+    kept = law.constant + (gain + of_target) * target
+    return bool(-1 - HALF < kept / loads[0][-1] < -1 + HALF)
 
 
 def stays_within_limits(problem: Problem, record: Record, control: int) -> bool:

@@ -60,10 +60,13 @@ EXCHANGED = (
 )
 STILL = "The control of {name} never changes: where its joint must move, compute it from what is observed."
 GRAVITY_SIGN = (
-    "The term that should carry gravity has the wrong sign: it pulls as gravity does. `data.qfrc_bias` is what holds "
-    "the model still: add it."
+    "The term that should carry gravity has the wrong sign: it pulls as gravity does. Turn its sign; where you have "
+    "the data, `data.qfrc_bias` is what holds the model still."
 )
-GRAVITY_TWICE = "The controls carry gravity twice: `data.qfrc_bias` is what holds the model still, so add it once."
+GRAVITY_TWICE = (
+    "The controls carry gravity twice: what holds the model still, which `data.qfrc_bias` has, is needed once. Look "
+    "for a length or a factor, or a term that is added again."
+)
 SATURATES = (
     "Most of the time the controls are beyond what the actuator gives: it switches from one end to the other. Lower "
     "the gains."
