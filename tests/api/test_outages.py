@@ -201,3 +201,23 @@ def test_a_fault_of_a_statement_is_no_outage(open_site_with: Callable[..., Site]
     with site.app.state.services.database.write() as session:
         session.execute(text("ALTER TABLE submissions RENAME COLUMN quiz TO other"))
     assert ann.get(f"{API}/submissions").status_code == 500
+
+
+@pytest.mark.postgres
+def test_tables_of_an_earlier_revision_are_503_and_told_by_readyz(content: Path, tmp_path: Path) -> None:
+    with (
+        database_url("postgresql", tmp_path) as url,
+        open_site(Settings(content=content, database_url=url, workers=0)) as site,
+    ):
+        ann, database = site.client("ann"), site.app.state.services.database
+        newest = database.revision
+        assert ann.get("/readyz").json()["checks"]["database"]["ok"]
+        database.migrate("0006", beside_others=True)
+        assert "not those that this version needs" in refused(ann.get(f"{API}/submissions"))["detail"]
+        time.sleep(1.1)  # findings are kept for a second
+        why = refused(ann.get("/readyz"))["checks"]["database"]["why"]
+        assert why.startswith(f"The tables are of revision 0006, this version needs {newest}")
+        with database.write() as session:  # as beside the first server of a later version
+            session.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+        time.sleep(1.1)
+        assert ann.get("/readyz").json()["checks"]["database"]["ok"]

@@ -6,7 +6,6 @@ import socket
 import subprocess
 import sys
 from datetime import UTC, datetime
-from io import StringIO
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -338,16 +337,9 @@ def test_an_extension_is_given_and_taken_back(tmp_path: Path) -> None:
     database.close()
 
 
-class Terminal(StringIO):
-    """What a person types."""
-
-    def isatty(self) -> bool:
-        return True
-
-
 def test_who_erases_in_a_terminal_is_asked_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def erase(name: str, *options: str, typed: str = "") -> subprocess.CompletedProcess[str]:
-        monkeypatch.setattr(sys, "stdin", Terminal(typed))
+        monkeypatch.setattr(sys, "stdin", command_line.Terminal(typed))
         return grader("erase", "--user", name, "--data", str(tmp_path), *options)
 
     assert all(grader("invite", name, "--data", str(tmp_path)).returncode == 0 for name in ("ada", "bob"))

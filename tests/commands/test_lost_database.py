@@ -1,6 +1,7 @@
 """Commands whose database is away or whose disk is full: one line that names the database, and no traceback."""
 
 import sqlite3
+import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -8,9 +9,13 @@ import pytest
 from sqlalchemy import event
 from sqlalchemy.engine import Engine
 
+from grader.errors import NotReady
 from grader.metrics import locked
-from support.command_line import grader
-from support.databases import need_postgresql, own_database
+from grader.service.opening import open_database as open_service_database
+from grader.settings import Settings
+from grader.store.engine.database import Database
+from support.command_line import Terminal, grader
+from support.databases import database_url, need_postgresql, own_database
 from support.proxies import free_port
 
 COMMANDS = [("token", "list"), ("invite", "ann"), ("deliveries",), ("rotate-secret",), ("prune", "--older-than", "3")]
@@ -89,6 +94,40 @@ def test_tables_are_not_moved_beside_a_server_and_never_without_a_word(
     with locked(tmp_path):  # as a server does
         assert say("migrate", "0006") == f"A server works on {tmp_path}: stop it first."
         assert grader("token", "list").returncode == 0
+
+
+@pytest.mark.postgres
+def test_tables_are_not_brought_back_under_a_server_on_postgresql(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with database_url("postgresql", tmp_path) as url:
+        monkeypatch.setenv("GRADER_DATABASE_URL", url)
+        with closing(open_service_database(Settings(database_url=url))) as served:
+            refused = grader("migrate", "0006")
+            assert (refused.returncode, refused.stdout) == (2, "")
+            assert "Servers or workers work on this database" in refused.stderr and "stop them first" in refused.stderr
+            served.check()
+            newest = grader("migrate").stdout.strip()
+            done = grader("migrate", "0015", "--yes")
+            assert done.stdout == "0015\n"
+            assert f"From revision {newest} back to 0015, what only later versions knew is lost" in done.stderr
+            with pytest.raises(NotReady, match=f"are of revision 0015, this version needs {newest}"):
+                served.check()
+        assert grader("migrate", "0006").stdout == "0006\n"
+
+
+def test_who_brings_tables_back_in_a_terminal_is_asked_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GRADER_DATA", str(tmp_path))
+    newest = grader("migrate").stdout.strip()
+    for typed, options, code, revision in (
+        ("n\n", (), 1, newest),
+        ("y\n", (), 0, "0015"),
+        ("", ("--yes",), 0, "0006"),
+    ):
+        monkeypatch.setattr(sys, "stdin", Terminal(typed))
+        assert grader("migrate", "0006" if options else "0015", *options).returncode == code
+        with closing(Database(f"sqlite:///{tmp_path}/grader.db")) as database:
+            assert database.revision == revision
 
 
 def test_a_new_course_is_told_and_the_one_that_was_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

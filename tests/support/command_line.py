@@ -8,6 +8,13 @@ from io import StringIO
 from grader.commands.main import cli, main
 
 
+class Terminal(StringIO):
+    """What a person types."""
+
+    def isatty(self) -> bool:
+        return True
+
+
 def grader(*arguments: str) -> subprocess.CompletedProcess[str]:
     """What `grader` with these arguments prints, and its exit code. A fault of the program itself is raised."""
     with redirect_stdout(StringIO()) as printed, redirect_stderr(StringIO()) as complaints:

@@ -11,7 +11,16 @@ from typing import Annotated
 
 import typer
 
-from grader.commands.options import Course, Data, begin_transaction, open_database, read_settings, require_one
+from grader.commands.options import (
+    Course,
+    Data,
+    begin_transaction,
+    connect_database,
+    open_database,
+    read_settings,
+    require_one,
+    say,
+)
 from grader.errors import Conflict, Unprocessable
 
 cli = typer.Typer()
@@ -33,6 +42,9 @@ def backup(file: Path, data: Data = None) -> None:
 def migrate(
     revision: Annotated[str | None, typer.Argument(help="The newest if not given, as `grader serve` does.")] = None,
     data: Data = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Bring tables back without asking, on PostgreSQL also beside servers.")
+    ] = False,
 ) -> None:
     """Bring the tables to a revision, forward or back. Stop servers and workers first."""
     from grader.metrics import locked
@@ -44,7 +56,15 @@ def migrate(
                 held.enter_context(locked(folder))
             except BlockingIOError:
                 raise Conflict(f"A server works on {folder}: stop it first.") from None
-        database = held.enter_context(open_database(data, revision))
+        database = held.enter_context(connect_database(data))
+        before = database.revision
+        if revision is not None and before is not None and revision < before:
+            lost = f"From revision {before} back to {revision}, what only later versions knew is lost for good."
+            if sys.stdin.isatty() and not yes:
+                typer.confirm(f"{lost} Go on?", abort=True)
+            else:
+                say(lost)
+        database.migrate(revision, beside_others=yes)
         print(database.revision)
 
 

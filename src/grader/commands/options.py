@@ -46,9 +46,9 @@ def read_settings(**overrides: Any) -> "Settings":
 
 
 @contextmanager
-def open_database(data: Path | None, revision: str | None = None) -> Iterator["Database"]:
-    """Opens the database of the settings, at the newest revision or another. Says on stderr if it makes a new one.
-    Raises NotReady where the database is away or full."""
+def connect_database(data: Path | None) -> Iterator["Database"]:
+    """Opens the database of the settings with the tables that it has. Says on stderr if it makes a new one. Raises
+    NotReady where the database is away or full."""
     from grader.store.engine.database import Database, naming
 
     settings = read_settings(data=data)
@@ -58,13 +58,20 @@ def open_database(data: Path | None, revision: str | None = None) -> Iterator["D
     with naming(settings.database):
         database = Database(settings.database)
         try:
-            before = database.revision
-            database.migrate(revision)
-            if before not in (None, after := database.revision) and revision is None:
-                say(f"The tables were brought from revision {before} to {after}, as `grader serve` would.")
             yield database
         finally:
             database.close()
+
+
+@contextmanager
+def open_database(data: Path | None) -> Iterator["Database"]:
+    """As `connect_database`, at the newest revision."""
+    with connect_database(data) as database:
+        before = database.revision
+        database.migrate()
+        if before not in (None, after := database.revision):
+            say(f"The tables were brought from revision {before} to {after}, as `grader serve` would.")
+        yield database
 
 
 @contextmanager

@@ -29,7 +29,7 @@ from grader.errors import (
     Unprocessable,
     WrongMoments,
 )
-from grader.store.engine.database import is_away
+from grader.store.engine.database import is_away, is_of_other_tables
 
 MEDIA_TYPE = "application/problem+json"
 SCHEMA = {
@@ -117,9 +117,12 @@ def describe_problem(error: GraderError) -> Response:
 
 
 def problem_of_unexpected(error: Exception) -> Response:
-    """The problem document of an unexpected error: 503 if the database is away, else 500."""
+    """The problem document of an unexpected error: 503 if the database is away or its tables are not ours, else 500."""
     if is_away(error):
         return problem(503, "The service cannot reach or write its data now. Try again.", {"Retry-After": str(RETRY_S)})
+    if is_of_other_tables(error):
+        why = "The tables of the database are not those that this version needs; /readyz tells more."
+        return problem(503, why, {"Retry-After": str(RETRY_S)})
     return problem(500, "Something went wrong on our side.")
 
 

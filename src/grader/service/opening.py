@@ -50,6 +50,7 @@ def open_database(settings: Settings, is_ending: Callable[[], bool] = never) -> 
             wait_until_there(database, is_ending)
         if not database.keeps_sessions():
             raise Unprocessable(POOLED)
+        database.hold()
         database.migrate()
         opened.pop_all()
     return database

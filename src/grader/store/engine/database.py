@@ -49,6 +49,9 @@ DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 READ_ONLY = "25006"
 """The code of PostgreSQL's error read_only_sql_transaction."""
 
+OTHER_TABLES = ("42P01", "42703")
+"""The codes of undefined_table and undefined_column: the tables are of another revision."""
+
 PATIENCE = {"connect_timeout": 5, "tcp_user_timeout": 10_000}
 """How long PostgreSQL may not answer before it counts as away: a connection [s], what was sent over one [ms]."""
 
@@ -160,9 +163,25 @@ class Database:
         return shutil.disk_usage(Path(file).parent).free if self.is_sqlite and file else None
 
     def check(self) -> None:
-        """Writes a row as it is. Raises what `write` raises if the database is away, full or read-only."""
+        """Writes a row as it is. Raises what `write` raises if the database is away, full or read-only, and NotReady if
+        the tables are of an earlier revision than this version needs. Later ones will do: servers of two versions stand
+        side by side during an upgrade."""
         with self.write() as session:
-            session.execute(text("UPDATE alembic_version SET version_num = version_num"))
+            update = text("UPDATE alembic_version SET version_num = version_num RETURNING version_num")
+            stored, needed = session.scalar(update), revisions.find_newest()
+        if stored is None or stored < needed:
+            raise NotReady(
+                f"The tables are of revision {stored or 'none'}, this version needs {needed}: restart the server to "
+                "bring them there, or install the earlier version."
+            )
+
+    def hold(self) -> None:
+        """Has every connection from now on say that a server or worker lives, until it is closed: the tables are not
+        brought back under it."""
+        if not self.is_sqlite:
+            event.listen(self.engine, "connect", _hold_tables)
+            self.engine.dispose()  # those that were opened before
+            self.engine.connect().close()
 
     def keeps_sessions(self) -> bool:
         """Whether a connection has a session of PostgreSQL to itself. It has not with a pooler in transaction mode. Two
@@ -175,13 +194,14 @@ class Database:
             sessions = [connection.scalar(SESSION) for connection in (one, one, other, other, one, one)]
         return len({*sessions[:2], *sessions[4:]}) == len({*sessions[2:4]}) == 1 and sessions[0] != sessions[2]
 
-    def migrate(self, revision: str | None = None) -> None:
+    def migrate(self, revision: str | None = None, *, beside_others: bool = False) -> None:
         """Brings the tables to a revision, the newest if None; safe to call from several processes at once. Raises
-        Conflict if a later version has written them, and Unprocessable for an unknown revision."""
+        Conflict if a later version has written them, or if they are to go back while a server or worker lives on
+        PostgreSQL, unless `beside_others`; and Unprocessable for an unknown revision."""
         with self._turn, self._writer.connect() as connection, _foreign_keys_off(connection), connection.begin():
             if not self.is_sqlite:
                 connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": MIGRATION_LOCK})
-            revisions.move(connection, revision)
+            revisions.move(connection, revision, beside_others=beside_others)
 
     @property
     def revision(self) -> str | None:
@@ -221,6 +241,11 @@ def find_away(error: BaseException) -> BaseException | None:
         # On a full disk SQLite ends the whole transaction, and the way back to a savepoint then fails.
         return None if cause.__context__ is None else find_away(cause.__context__)
     return error if isinstance(error, AWAY) or getattr(cause, "sqlstate", None) == READ_ONLY else None
+
+
+def is_of_other_tables(error: BaseException) -> bool:
+    """Whether a statement failed on PostgreSQL because the tables are not those of this version."""
+    return isinstance(error, DBAPIError) and getattr(error.orig, "sqlstate", None) in OTHER_TABLES
 
 
 def driver_error(error: Exception) -> str:
@@ -302,6 +327,12 @@ def _set_up_postgresql(engine: Engine) -> None:
     def on_begin(connection: Connection) -> None:
         if connection.get_execution_options().get("hasty", False):
             connection.exec_driver_sql("SET LOCAL synchronous_commit = off")
+
+
+def _hold_tables(connection: Any, _record: Any) -> None:
+    """Holds the lock of servers and workers for as long as the session lives."""
+    connection.execute(revisions.HOLD)
+    connection.commit()
 
 
 def _has_news(connection: Any) -> bool:
