@@ -1,7 +1,7 @@
 """Every setting, read as GRADER_<NAME> from the environment or a file of this name; every default works."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,6 +18,9 @@ OF_TESTS = "GRADER_TEST_"
 
 CONNECTIONS, CONNECTIONS_MIN = 64, 8
 """Connections to PostgreSQL of all processes of `grader serve`, and the least of each."""
+
+TOKEN_MIN = 16
+"""Characters of the shortest token."""
 
 Number = TypeVar("Number", int, float)
 
@@ -63,6 +66,16 @@ def suggest_nearest(name: str, known: set[str]) -> str:
 def for_each_process(limit: Number) -> Callable[[dict[str, Any]], Number]:
     """A default of so much for each server process, each of which gets an equal share: see `Settings.share`."""
     return lambda fields: limit * fields.get("processes", 1)
+
+
+def find_unknown_options(given: Iterable[str]) -> list[str]:
+    """Those of the options of a connection that PostgreSQL's client does not know."""
+    if not (options := sorted(given)):
+        return []
+    from psycopg.pq import Conninfo  # it takes a while, and few addresses have options
+
+    known = {option.keyword.decode() for option in Conninfo.get_defaults()}
+    return [name for name in options if name not in known]
 
 
 def is_origin(url: str) -> bool:
@@ -164,8 +177,9 @@ class Settings(BaseSettings):
     )
 
     metrics_token: SecretStr | None = Field(
-        default=None, min_length=16,
-        description="Token that /metrics asks for. Without one it is open on loopback, and closed elsewhere.",
+        default=None,
+        description=f"Token of at least {TOKEN_MIN} characters that /metrics asks for. "
+        "Without one it is open on loopback, and closed elsewhere.",
     )  # fmt: skip
     metrics_port: int = Field(
         default=0, ge=0, le=65535, description="Port on 127.0.0.1 where `grader worker` shows its metrics; 0 for none."
@@ -198,6 +212,22 @@ class Settings(BaseSettings):
             raise ValueError("; ".join(f"{name} is no setting{suggest_nearest(name, known)}" for name in unknown))
         return given
 
+    @field_validator("content", "data", "cache", mode="before")
+    @classmethod
+    def _named_folder(cls, folder: Any) -> Any:
+        """Refuses no name, which would be the working directory: "." says so."""
+        if folder == "":
+            raise ValueError("it is empty: name a folder, or leave it out for the default")
+        return folder
+
+    @field_validator("metrics_token")
+    @classmethod
+    def _long_token(cls, token: SecretStr | None) -> SecretStr | None:
+        """Refuses a token that could be guessed."""
+        if token is not None and len(token.get_secret_value()) < TOKEN_MIN:
+            raise ValueError(f"it has at least {TOKEN_MIN} characters: `openssl rand -hex 24` makes one")
+        return token
+
     @field_validator("database_url")
     @classmethod
     def _address_of_a_database(cls, url: str | None) -> str | None:
@@ -216,6 +246,10 @@ class Settings(BaseSettings):
         if not parts.path.strip("/") and "dbname" not in parse_qs(parts.query):
             # PostgreSQL would take the database with the user's name, which is another service's or everybody's.
             raise ValueError(f"it names no database: {NO_ADDRESS}")
+        if unknown := find_unknown_options(parse_qs(parts.query, keep_blank_values=True)):
+            raise ValueError(
+                f"PostgreSQL knows no option {' and '.join(unknown)}: sslmode and connect_timeout are some"
+            )
         return url
 
     @field_validator("allowed_hosts")

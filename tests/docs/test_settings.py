@@ -85,7 +85,15 @@ def test_the_names_that_tests_use_are_allowed(monkeypatch: pytest.MonkeyPatch) -
         ("GRADER_ALLOWED_HOSTS", '["a.example:8000"]', "GRADER_ALLOWED_HOSTS: a.example:8000 is no name"),
         ("GRADER_TRUSTED_PROXIES", '["10.0.0.0/8", "proxy"]', "GRADER_TRUSTED_PROXIES[1]: value is not a valid IPv4"),
         ("GRADER_LOG_FORMAT", "xml", "GRADER_LOG_FORMAT: Input should be 'json', 'text' or 'auto'"),
-        ("GRADER_METRICS_TOKEN", "short", "GRADER_METRICS_TOKEN: Value should have at least 16"),
+        ("GRADER_METRICS_TOKEN", "short", "GRADER_METRICS_TOKEN: it has at least 16 characters: `openssl rand"),
+        ("GRADER_CACHE", "", "GRADER_CACHE: it is empty: name a folder"),
+        ("GRADER_CONTENT", "", "GRADER_CONTENT: it is empty: name a folder"),
+        ("GRADER_DATA", "", "GRADER_DATA: it is empty: name a folder"),
+        (
+            "GRADER_DATABASE_URL",
+            "postgresql://ann:secret@host/x?foo=bar",
+            "GRADER_DATABASE_URL: PostgreSQL knows no option foo",
+        ),
         ("GRADER_PUBLIC_ORIGIN", "grader.example", "GRADER_PUBLIC_ORIGIN is scheme://host[:port]"),
         ("GRADER_PUBLIC_ORIGIN", "https://u:p@grader.example", "GRADER_PUBLIC_ORIGIN is scheme://host[:port]"),
         ("GRADER_PUBLIC_ORIGIN", "https://grader.example#x", "GRADER_PUBLIC_ORIGIN is scheme://host[:port]"),
@@ -117,5 +125,6 @@ def test_a_database_may_be_named_behind_several_hosts() -> None:
         "postgresql://ann@/grader?host=a,b&port=1,2",
         "postgresql:///grader",
         "postgresql://ann@h?dbname=grader",
+        "postgresql+psycopg://ann@h/grader?sslmode=require&options=-csearch_path%3Dx&target_session_attrs=read-write",
     ):
         assert Settings(database_url=url).database == url
