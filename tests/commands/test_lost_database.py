@@ -1,19 +1,24 @@
 """Commands whose database is away or whose disk is full: one line that names the database, and no traceback."""
 
+import re
+import secrets
 import sqlite3
 import sys
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 
+import psycopg
 import pytest
 from sqlalchemy import event
-from sqlalchemy.engine import Engine
+from sqlalchemy.engine import Engine, make_url
+from sqlalchemy.exc import OperationalError
 
 from grader.errors import NotReady
 from grader.metrics import locked
 from grader.service.opening import open_database as open_service_database
 from grader.settings import Settings
-from grader.store.engine.database import Database
+from grader.store.engine.database import FULL, Database, find_cure
 from support.command_line import Terminal, grader
 from support.databases import database_url, need_postgresql, own_database
 from support.proxies import free_port
@@ -44,7 +49,61 @@ def test_a_database_that_is_away_is_named(command: tuple[str, ...], monkeypatch:
 def test_an_unknown_database_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     need_postgresql()
     monkeypatch.setenv("GRADER_DATABASE_URL", f"{own_database()}_nowhere")
-    assert '_nowhere" does not exist' in say("token", "list")
+    line = say("token", "list")
+    assert '_nowhere" does not exist' in line
+    assert re.search(r"administrator: createdb --owner=\w+ \w+_nowhere$", line)
+
+
+@pytest.mark.parametrize(
+    ("why", "cure"),
+    [
+        ('FATAL: role "ada" does not exist', "Make the role, {}: createuser --pwprompt ada"),
+        ('FATAL: database "x y" does not exist', "Make the database, {}: createdb --owner=ada 'x y'"),
+        (
+            'password authentication failed for user "ada"',
+            "Mend the password, or make the role, {}: createuser --pwprompt ada",
+        ),
+        ("FATAL: Rolle »ada« existiert nicht", "If it is not there, {}: createuser --pwprompt ada"),
+        ("FATAL: la base de données « x y » n'existe pas", "If it is not there, {}: createdb --owner=ada 'x y'"),
+        ('FATAL: no pg_hba.conf entry for user "ada", database "x y"', None),
+        ("Connection refused", None),
+    ],
+)
+def test_a_role_or_database_that_is_not_there_has_a_cure(why: str, cure: str | None) -> None:
+    told = find_cure(make_url("postgresql://ada:secret@host/x y"), why)
+    assert told == (cure and cure.format("as PostgreSQL's administrator"))
+
+
+@pytest.mark.postgres
+def test_a_role_that_may_not_make_tables_is_named_with_the_cure(monkeypatch: pytest.MonkeyPatch) -> None:
+    need_postgresql()
+    name = f"grader_test_{secrets.token_hex(6)}"
+    url = make_url(own_database()).set(username=f"{name}_r", password="secret", database=name)
+    with psycopg.connect(own_database(), autocommit=True) as connection:
+        connection.execute(f"CREATE ROLE {name}_r LOGIN PASSWORD 'secret'")
+        connection.execute(f"CREATE DATABASE {name}")
+        try:
+            monkeypatch.setenv("GRADER_DATABASE_URL", url.render_as_string(hide_password=False))
+            with psycopg.connect(make_url(own_database()).set(database=name).render_as_string(False)) as inside:
+                inside.execute("REVOKE CREATE ON SCHEMA public FROM PUBLIC")  # as PostgreSQL 15 has it
+            cure = f"make it the owner (`ALTER DATABASE {name} OWNER TO {name}_r`)."
+            for command in (("token", "list"), ("worker",)):
+                done = grader(*command)
+                assert done.returncode == 2
+                assert done.stderr.splitlines()[-1] == f"The role {name}_r may not make tables in {name}: {cure}"
+            connection.execute(f"ALTER DATABASE {name} OWNER TO {name}_r")
+            with psycopg.connect(make_url(own_database()).set(database=name).render_as_string(False)) as inside:
+                inside.execute(f"GRANT CREATE ON SCHEMA public TO {name}_r")  # the owner's by itself since 15
+            assert grader("token", "list").returncode == 0
+        finally:
+            connection.execute(f"DROP DATABASE {name} WITH (FORCE)")
+            connection.execute(f"DROP ROLE {name}_r")
+
+
+@pytest.mark.postgres
+def test_an_option_that_cannot_be_read_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GRADER_DATABASE_URL", "postgresql://ada:secret@127.0.0.1/x?connect_timeout=soon")
+    assert say("token", "list").endswith("/x cannot be used: bad value for connect_timeout: 'soon'")
 
 
 def test_a_full_disk_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -67,6 +126,17 @@ def test_a_full_disk_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1].startswith(f"The database {tmp_path}/grader.db cannot be used: ")
     assert "full" in done.stderr
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1 << 20))
+    monkeypatch.setattr(Database, "migrate", full_commit)
+    line = say("token", "list")
+    assert line == f"{FULL} Make room for {tmp_path}/grader.db."
+
+
+def full_commit(_database: Database) -> None:
+    """Fails as SQLite does where the last page of a transaction finds no room."""
+    error = sqlite3.OperationalError("disk I/O error")
+    error.sqlite_errorcode = sqlite3.SQLITE_IOERR
+    raise OperationalError(None, None, error)
 
 
 def test_what_is_no_database_is_named_with_the_cure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,17 +1,25 @@
 """A server answers from its first moment, and nothing that is asked while it starts is lost."""
 
 import asyncio
+import signal
+import sqlite3
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import httpx
 import pytest
 from fastapi import FastAPI
+from sqlalchemy.exc import OperationalError
 
-from grader.errors import ContentError, Fault
-from grader.service.serving import StartingApp
+from grader.errors import ContentError, Fault, NotReady
+from grader.service.processes import open_listener
+from grader.service.serving import StartingApp, run_app
+from grader.settings import Settings
+from grader.store.engine.database import FULL
 
 PATIENCE_S = 30.0
 
@@ -101,6 +109,25 @@ def test_a_start_that_fails_answers_what_waited_and_says_why(is_refused: bool) -
     error = asyncio.run(run()).opened.exception()
     assert isinstance(error, ContentError if is_refused else InterruptedError)
     assert events == []
+
+
+def test_a_disk_that_fills_up_during_the_start_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The database is open by then: its first rows find no room."""
+
+    def create(*_: object) -> FastAPI:
+        error = sqlite3.OperationalError("database or disk is full")
+        error.sqlite_errorcode = sqlite3.SQLITE_FULL
+        raise OperationalError(None, None, error)
+
+    monkeypatch.setattr("grader.service.app.create_app", create)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1 << 20))
+    hang_up = signal.getsignal(signal.SIGHUP)
+    try:
+        with open_listener("127.0.0.1", 0) as listener, pytest.raises(NotReady) as refused:
+            run_app(Settings(data=tmp_path), listener, print)
+    finally:
+        signal.signal(signal.SIGHUP, hang_up)
+    assert str(refused.value) == f"{FULL} Make room for {tmp_path}/grader.db."
 
 
 async def ask(app: Any) -> httpx.Response:

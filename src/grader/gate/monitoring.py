@@ -24,10 +24,7 @@ from grader.numerics.version import INSTALLED, warn_of_newer
 from grader.queue import jobs
 from grader.queue.worker import Worker
 from grader.store import outbox
-from grader.store.engine.database import Database, is_away
-
-FREE_BYTES_MIN = 16 << 20
-"""Less room than this on the disk of a SQLite database counts as none: the largest answers take megabytes."""
+from grader.store.engine.database import FREE_BYTES_MIN, FULL, Database, is_away
 
 AWAY = "The database is away, full or read-only."
 
@@ -47,7 +44,7 @@ class Monitor(Collector):
         """Writes to the database, and looks for room: a small write succeeds for a while on a disk that is full."""
         free = self.database.free_bytes
         if free is not None and free < FREE_BYTES_MIN:
-            raise NotReady(f"The disk of the database is full: less than {FREE_BYTES_MIN >> 20} MB are free.")
+            raise NotReady(FULL)
         try:
             self.database.check()
         except Exception as error:

@@ -11,7 +11,7 @@ from sqlalchemy.exc import OperationalError
 from grader.errors import Unprocessable
 from grader.numerics.version import warn_of_newer
 from grader.settings import Settings
-from grader.store.engine.database import Database, naming
+from grader.store.engine.database import Database, find_cure, naming, put_on_a_line
 
 RETRY_S = 1.0
 """Pause before the next try to reach the database [s]."""
@@ -57,8 +57,8 @@ def open_database(settings: Settings, is_ending: Callable[[], bool] = never) -> 
 
 
 def wait_until_there(database: Database, is_ending: Callable[[], bool]) -> None:
-    """Waits until the database accepts a connection; the log says for which one, and why it is refused. Raises
-    InterruptedError once `is_ending`."""
+    """Waits until the database accepts a connection; the log says for which one, why it is refused, and the cure where
+    it is known. Raises InterruptedError once `is_ending`."""
     say_at = time.monotonic()
     while not is_ending():
         try:
@@ -66,9 +66,12 @@ def wait_until_there(database: Database, is_ending: Callable[[], bool]) -> None:
             return
         except OperationalError as error:
             if time.monotonic() >= say_at:
-                url, why = database.engine.url, " ".join(str(error.orig).split())
+                url, why = database.engine.url, put_on_a_line(error.orig)
                 address = url.query.get("host") or f"{url.host or 'localhost'}:{url.port or 5432}"
-                log.warning("waiting for the database", host=address, name=url.database, why=why, setting=SETTING)
+                more = {"cure": cure} if (cure := find_cure(url, why)) else {}
+                log.warning(
+                    "waiting for the database", host=address, name=url.database, why=why, setting=SETTING, **more
+                )
                 say_at += SAY_S
             time.sleep(RETRY_S)
     raise InterruptedError("The server was ended while it waited for the database.")
