@@ -25,6 +25,11 @@ from grader.errors import Conflict, Unprocessable
 
 cli = typer.Typer()
 
+User = Annotated[
+    str | None,
+    typer.Option(help="A learner by a name that an instructor or operator gave, or by NAMESPACE:ID of another system."),
+]
+
 WHY_MAX = 200
 """Characters of the reason in a list of deliveries."""
 
@@ -87,7 +92,7 @@ def prune(
 
 @cli.command()
 def erase(
-    user: Annotated[str | None, typer.Option(help="A learner with a name that an instructor or operator gave.")] = None,
+    user: User = None,
     member_id: Annotated[str | None, typer.Option("--id", help="Any learner, by the id of the member.")] = None,
     course: Course = None,
     data: Data = None,
@@ -110,7 +115,7 @@ def erase(
 
 @cli.command()
 def export(
-    user: Annotated[str | None, typer.Option(help="A learner with a name that an instructor or operator gave.")] = None,
+    user: User = None,
     member_id: Annotated[str | None, typer.Option("--id", help="Any learner, by the id of the member.")] = None,
     course: Course = None,
     out: Annotated[

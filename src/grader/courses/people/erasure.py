@@ -3,6 +3,7 @@
 from sqlalchemy.orm import Session
 
 from grader.courses.people.audit import Action, record
+from grader.courses.people.external import External
 from grader.courses.people.identity import DEFAULT_COURSE, Identity, Role
 from grader.errors import Conflict, NotFound, Unprocessable
 from grader.store import people
@@ -30,13 +31,22 @@ def erase_learner(
 
 
 def find_member(session: Session, course: str | None, user: str | None, member_id: str | None) -> Member:
-    """Returns the member of this name or id, of the default course without another; a removed one too. Raises
-    NotFound."""
+    """Returns the member of this name or id, of the default course without another; a removed one too. A name may be
+    NAMESPACE:ID of another system, as members without a name are shown. Raises NotFound."""
     course = course or DEFAULT_COURSE
-    member = session.get(Member, member_id) if member_id else people.find_with_account(session, course, f"name:{user}")
+    member = session.get(Member, member_id) if member_id else find_account(session, course, user or "")
     if member is None or member.course != course:
         raise NotFound(
-            f"There is no such member of the course {course}: name another with --course. Those who chose their name "
-            "themselves are found by --id alone."
+            f"There is no such member of the course {course}: name another with --course. --user takes a name that an "
+            "instructor or operator gave, or NAMESPACE:ID of another system. Everybody is found by --id of the member, "
+            "and those who chose their name themselves, or came from a learning platform, by it alone."
         )
     return member
+
+
+def find_account(session: Session, course: str, user: str) -> Member | None:
+    """Returns the member who was given this name, else the one whom another system knows as NAMESPACE:ID."""
+    namespace, _, external_id = user.partition(":")  # no namespace has a colon
+    return people.find_with_account(session, course, f"name:{user}") or people.find_with_account(
+        session, course, External(namespace, external_id).account
+    )
