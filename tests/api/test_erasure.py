@@ -1,5 +1,6 @@
 """An erased learner is nowhere in the database, and statistics, gradebook and feed go on."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -143,6 +144,24 @@ def test_a_learner_who_chose_the_name_is_found_by_id_and_namesakes_stay(term: Si
     changed = [one for one, old in zip(tina.get(f"{API}/audit").json()["items"][1:], audit, strict=True) if one != old]
     assert [(one["action"], one["name"], one["subject"]) for one in changed] == [("joined", name, name)]
     assert "Bob" in {item["name"] for item in tina.get(f"{API}/members").json()["items"]}
+
+
+def test_a_learner_of_another_system_is_found_by_its_id_and_old_numbers_are_exported(
+    term: Site, tmp_path: Path
+) -> None:
+    body = {"quiz": "small", "question": "q1", "answer": 1, "learner": {"namespace": "s", "id": "x1:a"}}
+    made = term.client("lms", "service").post(f"{API}/lms/submissions", json=body).json()
+    assert made["user"] == "s:x1:a"
+    with term.app.state.services.database.write() as session:  # as an earlier version stored it
+        session.execute(text("UPDATE submissions SET answer = '[NaN,-Infinity]' WHERE id = :id"), {"id": made["id"]})
+    assert term.client("tina", "instructor").get(f"{API}/submissions/{made['id']}").json()["answer"] == [None, None]
+    run("export", "--user", "s:x1:a", "--out", str(tmp_path / "x1"))
+    held = json.loads((tmp_path / "x1/learner.json").read_text(), parse_constant=pytest.fail)
+    assert [one["answer"] for one in held["submissions"]] == [["NaN", "-Infinity"]]
+    for nobody in ("s:x2", "x1:a", ":x1:a"):
+        with pytest.raises(NotFound, match="or NAMESPACE:ID of another system"):
+            run("erase", "--user", nobody)
+    assert run("erase", "--user", "s:x1:a").startswith("erased-")
 
 
 def test_an_answer_that_is_being_graded_is_waited_for(term: Site) -> None:

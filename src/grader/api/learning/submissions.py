@@ -14,7 +14,7 @@ from pydantic_core import to_json
 from sqlalchemy.orm import Session
 from starlette.exceptions import HTTPException
 
-from grader.api.bodies import RequestBody, ResponseBody
+from grader.api.bodies import AnyJson, RequestBody, ResponseBody
 from grader.api.paging import Page, PageParams, build_page
 from grader.courses.answering.access import read_access
 from grader.courses.answering.intake import NewAnswer, Receipt
@@ -45,7 +45,7 @@ class AnswerFields(BaseModel):
 
     quiz: str = Field(max_length=64)
     question: str = Field(max_length=64)
-    answer: Any
+    answer: AnyJson
 
 
 class AnswerBody(AnswerFields, RequestBody):

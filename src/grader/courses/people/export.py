@@ -37,7 +37,8 @@ def export_learner(
 
 def format_document(held: Mapping[str, Any]) -> str:
     """JSON for people and programs: times in ISO 8601."""
-    return json.dumps(held, ensure_ascii=False, indent=2, default=lambda moment: moment.isoformat()) + "\n"
+    text = json.dumps(held, ensure_ascii=False, allow_nan=False, indent=2, default=lambda moment: moment.isoformat())
+    return f"{text}\n"
 
 
 def name_file(files: Mapping[str, str]) -> str:

@@ -101,11 +101,13 @@ def read_rows(session: Session, table: type[Base], *where: ColumnElement[bool]) 
 
 
 def read_values(row: Base) -> dict[str, Any]:
-    """A row by column, with JSON as what it says; without secrets."""
+    """A row by column, with JSON as what it says; without secrets. A number of an old answer that JSON has not, such as
+    NaN, becomes its text."""
     values = {
         column.key: getattr(row, column.key) for column in row.__mapper__.column_attrs if column.key not in SECRETS
     }
-    parsed = {name: json.loads(text) for name in JSON_TEXT if (text := values.get(name)) not in (None, ERASED)}
+    texts = {name: values[name] for name in JSON_TEXT if values.get(name) not in (None, ERASED)}
+    parsed = {name: json.loads(text, parse_constant=str) for name, text in texts.items()}
     return values | parsed
 
 
