@@ -165,8 +165,11 @@ def test_a_refusal_is_short_however_long_the_unknown_key_is(ann: httpx.Client) -
 def test_an_unknown_method_is_405_and_lists_the_allowed_ones(ann: httpx.Client) -> None:
     refused = ann.delete(f"{API}/submissions")
     assert problem(refused)["status"] == 405
-    assert refused.headers["allow"] == "GET, POST"
-    assert ann.put(f"{API}/submissions/00", json={}).headers["allow"] == "GET"
+    assert refused.headers["allow"] == "GET, HEAD, POST"
+    assert ann.put(f"{API}/submissions/00", json={}).headers["allow"] == "GET, HEAD"
+    for path, allowed in (("/", "GET, HEAD"), ("/quizzes/small/q1", "GET, HEAD, POST"), ("/openapi.json", "GET, HEAD")):
+        refused = ann.options(path)
+        assert (refused.status_code, refused.headers["allow"]) == (405, allowed)
     assert problem(ann.post("/healthz"))["status"] == 405
 
 
@@ -199,7 +202,8 @@ def test_an_error_that_is_not_the_callers_has_no_problem_document() -> None:
 
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "[", "", "a b"])
 def test_another_host_name_is_refused(nobody: httpx.Client, host: str) -> None:
-    assert problem(nobody.get("/healthz", headers={"Host": host}))["status"] == 421
+    told = problem(nobody.get("/healthz", headers={"Host": host}))
+    assert (told["status"], "GRADER_ALLOWED_HOSTS" in told["detail"]) == (421, True)
 
 
 @pytest.mark.parametrize("host", ["localhost", "localhost:8000", "127.0.0.1", "[::1]:8000"])

@@ -23,6 +23,11 @@ from grader.gate.rate import RateLimit, read_address
 from grader.gate.scopes import find_scope
 from grader.store.engine.database import Database
 
+OTHER_HOST = (
+    "This service does not answer to that host name. Its operator names those of it in GRADER_PUBLIC_ORIGIN and "
+    "GRADER_ALLOWED_HOSTS."
+)
+
 PREFIX = "/api/v1"
 SUBMISSIONS = f"{PREFIX}/submissions"
 ON_BEHALF = f"{PREFIX}/lms/submissions"
@@ -90,7 +95,7 @@ class AdmissionMiddleware:
         drop_escaped_cookies(scope)
         headers = Headers(scope=scope)
         if not self._is_our_host(headers):
-            await problem(421, "This service does not answer to that host name.")(scope, receive, send)
+            await problem(421, OTHER_HOST)(scope, receive, send)
             return
         try:
             await self._admit(scope, headers)

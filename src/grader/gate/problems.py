@@ -1,6 +1,5 @@
 """Every error as RFC 9457 `application/problem+json`: the one place that gives errors their HTTP status."""
 
-import re
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from typing import Any
@@ -10,6 +9,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
+from starlette.routing import Match
 from starlette.types import Receive, Scope, Send
 
 from grader.errors import (
@@ -164,10 +164,10 @@ def problem_of_framework(request: Request, error: HTTPException) -> Response:
 
 
 def list_methods(request: Request) -> list[str]:
-    """Every method that the requested path allows. The router itself names the methods of one route only."""
+    """Every method that the requested path allows, of the API or a page. The router itself names the methods of one
+    route only. HEAD is answered wherever GET is."""
     methods: set[str] = set()
-    for template, operations in request.app.openapi()["paths"].items():
-        pattern = re.sub(r"\\{[^/]*?\\}", "[^/]+", re.escape(template))
-        if re.fullmatch(pattern, request.url.path):
-            methods.update(name.upper() for name in operations)
-    return sorted(methods)
+    for route in request.app.routes:
+        if route.matches(request.scope)[0] is not Match.NONE:
+            methods.update(getattr(route, "methods", None) or ())
+    return sorted(methods | ({"HEAD"} if "GET" in methods else set()))
