@@ -180,7 +180,7 @@ def test_tables_are_not_brought_back_under_a_server_on_postgresql(
             newest = grader("migrate").stdout.strip()
             done = grader("migrate", "0015", "--yes")
             assert done.stdout == "0015\n"
-            assert f"From revision {newest} back to 0015, what only later versions knew is lost" in done.stderr
+            assert f"Going back from revision {newest} to 0015 loses for good what only later" in done.stderr
             with pytest.raises(NotReady, match=f"are of revision 0015, this version needs {newest}"):
                 served.check()
         assert grader("migrate", "0006").stdout == "0006\n"

@@ -64,7 +64,7 @@ def migrate(
         database = held.enter_context(connect_database(data))
         before = database.revision
         if revision is not None and before is not None and revision < before:
-            lost = f"From revision {before} back to {revision}, what only later versions knew is lost for good."
+            lost = f"Going back from revision {before} to {revision} loses for good what only later versions knew."
             if sys.stdin.isatty() and not yes:
                 typer.confirm(f"{lost} Go on?", abort=True)
             else:
