@@ -65,7 +65,7 @@ def test_a_number_that_json_has_not_is_refused(ann: httpx.Client, path: str, ans
         headers={"Content-Type": "application/json"},
     )
     assert refused.status_code == 422
-    assert "it is not JSON: NaN, Infinity" in refused.json()["detail"]
+    assert "The answer is not JSON, which has no NaN" in refused.json()["detail"]
     assert ann.get(SUBMISSIONS).json()["items"] == []
 
 

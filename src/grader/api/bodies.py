@@ -1,9 +1,8 @@
 """What bodies of requests and responses have in common."""
 
-from math import isfinite
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, model_validator
 from pydantic_core import PydanticCustomError
 
 ENTRIES_MAX = 1000
@@ -11,25 +10,6 @@ ENTRIES_MAX = 1000
 
 KEY_CHARACTERS = 64
 """Characters of an unknown key that are shown; every known one is shorter."""
-
-
-def require_finite(value: Any) -> Any:
-    """Returns a JSON value without numbers that no JSON has. Parsers take NaN and Infinity all the same, and make
-    infinity of 1e999; what is stored of them no other program could read."""
-    open_values = [value]
-    while open_values:
-        one = open_values.pop()
-        if isinstance(one, float) and not isfinite(one):
-            raise PydanticCustomError(
-                "no_json", "it is not JSON: NaN, Infinity and numbers beyond 1.8e308 are no numbers"
-            )
-        if isinstance(one, dict | list):
-            open_values += one.values() if isinstance(one, dict) else one
-    return value
-
-
-AnyJson = Annotated[Any, AfterValidator(require_finite)]
-"""Any value that JSON has."""
 
 
 class ResponseBody(BaseModel):

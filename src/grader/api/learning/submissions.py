@@ -4,6 +4,7 @@ import json
 import zlib
 from collections.abc import Callable, Coroutine, Sequence
 from datetime import datetime
+from math import isfinite
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Request, Response
@@ -14,7 +15,7 @@ from pydantic_core import to_json
 from sqlalchemy.orm import Session
 from starlette.exceptions import HTTPException
 
-from grader.api.bodies import AnyJson, RequestBody, ResponseBody
+from grader.api.bodies import RequestBody, ResponseBody
 from grader.api.paging import Page, PageParams, build_page
 from grader.courses.answering.access import read_access
 from grader.courses.answering.intake import NewAnswer, Receipt
@@ -25,7 +26,7 @@ from grader.courses.reviewing.blinding import BlindedVerdicts, hide_names
 from grader.courses.rules.policy import Decision, Visibility, redact_json
 from grader.courses.rules.progress import ComparedAttempt, describe_progress
 from grader.domain.verdict import Status, Verdict
-from grader.errors import CallerError, Conflict, InvalidAnswer, NotFound
+from grader.errors import CallerError, Conflict, InvalidAnswer, NotFound, Unprocessable
 from grader.gate.admission import PREFIX, SUBMISSIONS, authenticate_again, get_identity
 from grader.gate.callers import Learner, api_router
 from grader.gate.late_routes import LateRoute
@@ -45,7 +46,7 @@ class AnswerFields(BaseModel):
 
     quiz: str = Field(max_length=64)
     question: str = Field(max_length=64)
-    answer: AnyJson
+    answer: Any
 
 
 class AnswerBody(AnswerFields, RequestBody):
@@ -142,6 +143,7 @@ def read_answer(
 ) -> NewAnswer:
     """Reads an answer, and grades it where that is instant. Raises NotFound, TooLarge, Unprocessable; and Conflict for
     one that `is_short` and yet may take simulations."""
+    require_finite(body.answer)
     pipeline = services.content.get(who.course).pipeline
     is_drawn = (body.quiz, body.question) in pipeline.drawn
     if is_drawn and is_short:
@@ -149,6 +151,18 @@ def read_answer(
     learner = who.drawn_for if is_drawn else ""
     parsed, verdict = pipeline.read_and_grade(body.quiz, body.question, body.answer, learner)
     return NewAnswer(who, pipeline.library, parsed, verdict, key, services.settings.queue_per_user)
+
+
+def require_finite(answer: Any) -> None:
+    """Raises Unprocessable for an answer with numbers that JSON has not. Parsers take NaN and Infinity, and
+    make infinity of 1e999; no other program could read what is stored of them."""
+    unread = [answer]
+    while unread:
+        value = unread.pop()
+        if isinstance(value, dict | list):
+            unread += value.values() if isinstance(value, dict) else value
+        elif isinstance(value, float) and not isfinite(value):
+            raise Unprocessable("The answer is not JSON, which has no NaN, no Infinity and no number beyond 1.8e308.")
 
 
 def respond_created(path: str, receipt: Receipt) -> Response:
@@ -229,6 +243,7 @@ def validate_answer(body: AnswerBody, who: Learner, services: AppServices) -> In
     """Tells how an answer would be read, without grading it or using an attempt. 409 before the quiz opens."""
     pipeline = services.content.get(who.course).pipeline
     services.require_opened(pipeline.library, who, body.quiz)
+    require_finite(body.answer)
     try:
         read_as = pipeline.describe(pipeline.read(body.quiz, body.question, body.answer, learner=who.drawn_for))
     except InvalidAnswer as error:
