@@ -1,5 +1,6 @@
 """Answers that another service hands in for its learners: the same answers, limits and secrets as for a student."""
 
+import json
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -158,6 +159,8 @@ def test_an_answer_that_cannot_be_read_makes_nobody_a_member(site: Site) -> None
     lms = site.client("lms", "service")
     assert hand_in(lms, "none", 1).status_code == 404
     assert hand_in(lms, "q4", "x" * 70_000).status_code == 413
+    body = json.dumps({"learner": ADA, "quiz": "small", "question": "q1", "answer": float("nan")})
+    assert lms.post(ON_BEHALF, content=body, headers={"Content-Type": "application/json"}).status_code == 422
     assert members(site) == []
 
 
