@@ -144,7 +144,7 @@ def write_hostile() -> Iterator[tuple[bytes, Status, str]]:
     yield objects, Status.CRASHED, "W1 holds Python objects"
     yield zipped(("W1.npy", member("W1", "(4, 1)", b"", "'|O'"))), Status.CRASHED, "W1 holds Python objects"
     yield zipped(("W1.npy", member("W1", "(4, 1)", b"", "[('a', '|O')]"))), Status.CRASHED, "W1 holds Python objects"
-    yield zipped(("W1.npy", member("W1", "(4, 1)", b"", "[('a', '<f8')]"))), Status.INCORRECT, "instead of float32"
+    yield zipped(("W1.npy", member("W1", "(4, 1)", b"", "[('a', '<f8')]"))), Status.INCORRECT, "numpy.float32"
     yield zipped(("W1.npy", member("W1", "(2**62,)", b""))), Status.CRASHED, "no array as numpy.savez writes it"
     yield zipped(("W1.npy", b"\x80\x04\x95")), Status.CRASHED, "no array as numpy.savez writes it"
     yield (

@@ -242,6 +242,19 @@ def test_what_no_text_can_hold_is_replaced_in_what_was_raised(exception: str, sa
 
 
 @pytest.mark.parametrize(
+    ("id_", "source", "told"),
+    [
+        ("servo-threshold", "def largest_stable_timestep(model, integrator):\n    yield 0.005\n", "holds `yield`"),
+        ("rk4-step", "async def rk4_step(model, data):\n    data.time += model.opt.timestep\n", "is an `async def`"),
+    ],
+)
+def test_a_function_of_which_nothing_runs_is_told_so(id_: str, source: str, told: str, grade: Grade) -> None:
+    verdict = grade(question(id_), source)
+    assert verdict.status is Status.INCORRECT
+    assert told in (verdict.diagnosis or "")
+
+
+@pytest.mark.parametrize(
     ("line", "status"),
     [
         ("open('/etc/passwd')", Status.FORBIDDEN),

@@ -203,6 +203,20 @@ def explain_hidden_slip(traces: Sequence[Trace]) -> str | None:
     )
 
 
+UNRUN = {
+    "generator": "A call of your function runs nothing of it, since it holds `yield`: return the result with `return`.",
+    "coroutine": "A call of your function runs nothing of it, since it is an `async def`: write `def`.",
+    "async_generator": "A call of your function runs nothing of it, since it is an `async def`: write `def`.",
+}
+"""What is said of a value that is no result, by its type."""
+
+
+def explain_unrun(traces: Sequence[Trace]) -> str | None:
+    """Returns the sentence of a script whose function returned in all of these trials what still has to be run."""
+    types = {value.type for trace in traces for value in trace.returned_values[:1]}
+    return UNRUN.get(types.pop()) if len(types) == 1 else None
+
+
 def add_article(name: str) -> str:
     """Returns the name with its article."""
     return f"{'an' if name[:1].upper() in tuple('AEIOU') or name[:2] == 'Mj' else 'a'} {name}"

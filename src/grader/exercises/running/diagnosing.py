@@ -9,7 +9,7 @@ from typing import Any
 import structlog
 
 from grader.errors import JailFault
-from grader.exercises.crashes import explain_hidden_slip
+from grader.exercises.crashes import explain_hidden_slip, explain_unrun
 from grader.exercises.explaining.claims import CLAIMS, Evidence, correct_sentence
 from grader.exercises.explaining.places import find_landmark
 from grader.exercises.explaining.script import ParsedScript
@@ -59,7 +59,8 @@ def diagnose(
             message = f"{message} {find_hint(first) or OTHER_MODEL}"
         message = tell_view(message, first.script)
         return Mistake(message), message
-    slip = explain_hidden_slip([trial.trace for trial in whole if not trial.counts and trial.hidden == first.hidden])
+    alike = [trial.trace for trial in whole if not trial.counts and trial.hidden == first.hidden]
+    slip = explain_hidden_slip(alike) or explain_unrun(alike)
     slip = slip and correct_sentence(slip, gather_evidence(whole))
     if slip is not None:
         return Mistake(slip), slip

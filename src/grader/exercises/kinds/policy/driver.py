@@ -150,7 +150,9 @@ def read_array(file: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, wanted: 
             f"such as numpy.asarray({name}, dtype=numpy.float32)."
         )
     if dtype.kind != "f":
-        raise WrongArrays(f"{name} holds {dtype.name} numbers instead of float32, or other floats.")
+        raise WrongArrays(
+            f"{name} holds {dtype.name} numbers: save floats, such as numpy.asarray({name}, dtype=numpy.float32)."
+        )
     if shape != wanted:
         raise WrongArrays(explain_shape(name, shape, wanted))
     with file.open(info) as stream:
