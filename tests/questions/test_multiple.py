@@ -111,3 +111,13 @@ def test_every_option_is_counted() -> None:
     assert [option.is_right for option in KIND.options(asked())] == [True, False, True, False]
     assert kind_of(asked()).show(asked(), [2, 0]) == "a; c"
     assert kind_of(asked()).show(asked(), [7]) == "[7]"
+
+
+def test_points_for_choosing_every_option_are_remarked_on() -> None:
+    def told(**more: Any) -> list[str]:
+        return [remark.why for remark in KIND.warnings(asked(**more)) if "every option" in remark.why]
+
+    [why] = told(answer=[0, 1, 2], points=3)
+    assert why.startswith("choosing every option earns 2 points")
+    assert not told()
+    assert not told(answer=[0, 1, 2, 3])

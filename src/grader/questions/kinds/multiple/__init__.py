@@ -8,7 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from grader.domain.pages.markup import quoted
 from grader.domain.plugins import Remark
-from grader.domain.verdict import Finding, Status, Verdict, verdict_of
+from grader.domain.verdict import Finding, Status, Verdict, format_points, verdict_of
 from grader.errors import InvalidAnswer
 from grader.questions.kind import FIELD, Example, Fields, Option, QuestionKind
 from grader.questions.kinds.choice.options import DIGITS_MAX, option_text, read_choice, remark_options
@@ -47,8 +47,12 @@ class Multiple(QuestionKind[MultipleQuestion, tuple[int, ...]]):
         return "Choose all that are right"
 
     def warnings(self, question: MultipleQuestion) -> Iterator[Remark]:
-        """Yields remarks on the options."""
-        return remark_options(question.options, question.whys)
+        """Yields remarks on the options, and on points for choosing them all."""
+        yield from remark_options(question.options, question.whys)
+        if len(question.answer) < len(question.options) < 2 * len(question.answer):
+            share = (2 * len(question.answer) - len(question.options)) / len(question.answer)
+            earned = format_points(share * question.points)
+            yield Remark("options", f"choosing every option earns {earned}: give as many wrong ones as right ones")
 
     def sample_answers(self, question: MultipleQuestion) -> Sequence[list[int]]:
         """Returns the right options, those that are wrong, one alone, and all of them."""
