@@ -2,6 +2,10 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
+from math import hypot
+
+import mujoco
+import numpy as np
 
 Change = Callable[[ET.Element], bool]
 """Edits an element; returns whether there was something to edit."""
@@ -154,6 +158,27 @@ def double_turn(element: ET.Element) -> bool:
 def turn_back(element: ET.Element) -> bool:
     """Turns by the same angle the other way."""
     return rewrite("quat", lambda q: [q[0], *(-v for v in q[1:])])(element)
+
+
+def turn_about(axis: int) -> Change:
+    """Turns by the angle of a quaternion about x, y or z; of one that is about one of the three."""
+
+    def turn(quat: list[float]) -> list[float]:
+        size = hypot(*quat[1:])
+        return quat if max(map(abs, quat[1:])) < size else [quat[0], *(size if i == axis else 0.0 for i in range(3))]
+
+    return rewrite("quat", turn)
+
+
+def turn_place(quat: Sequence[float], sign: int) -> Change:
+    """Turns a pos by a quaternion, or back."""
+    by, turned = np.array([quat[0], *(sign * value for value in quat[1:])]), np.empty(3)
+
+    def turn(pos: list[float]) -> list[float]:
+        mujoco.mju_rotVecQuat(turned, np.array(pos), by / np.linalg.norm(by))
+        return pos if np.allclose(turned, pos) else turned.tolist()
+
+    return rewrite("pos", turn)
 
 
 def widen_range(element: ET.Element) -> bool:

@@ -32,7 +32,9 @@ from grader.exercises.kinds.model.slips import (
     shift_inertia,
     stretch,
     swap_ends,
+    turn_about,
     turn_back,
+    turn_place,
     widen_range,
 )
 
@@ -97,6 +99,13 @@ def vary_angles(reference: Reference) -> Iterator[Variant]:
     for change, how in ((double_turn, "twice as far as"), (turn_back, "the other way than")):
         sentence = f"The orientation of {{}} is turned {how} was asked for: {quat}"
         yield from reference.edit_each(change, turning, sentence)
+    for axis in range(3):
+        yield from reference.edit_each(turn_about(axis), turning, "{} is turned about another axis than was asked for.")
+    for body in turning:
+        parts = [part for part in body if "pos" in part.attrib] if body.tag == "body" else []
+        for sign in (-1, 1):
+            frame = f"The pos of {{}} counts along the axes of {reference.label(body)}, which is turned."
+            yield from reference.edit_each(turn_place(read(body.get("quat", "")), sign), parts, frame)
     turned = "of {} has its numbers in the order x y z w: MuJoCo's order is w x y z."
     yield from reference.edit_both(
         rotate("quat", 1), turning,
@@ -218,11 +227,12 @@ def vary_sizes(reference: Reference) -> Iterator[Variant]:
     for at, what in ((0, "radius"), (1, "half length")):
         full = "diameter" if at == 0 else "full length"
         some = [geom for geom in geoms if len(geom.get("size", "").split()) > at and geom.get("type") != "box"]
-        for factor, sentence in (
-            (2, f"The size of {{}} has the {full} in place of the {what}."),
-            (0.5, f"The size of {{}} has half of the {what} that was asked for."),
+        for factor, wrong in (
+            (2, f"the {full} in place of the {what}"),
+            (0.5, f"half of the {what} that was asked for"),
         ):
-            yield from reference.edit_each(multiply("size", factor, at), some, sentence)
+            every, each = f"Every size has {wrong}.", f"The size of {{}} has {wrong}."
+            yield from reference.edit_both(multiply("size", factor, at), some, every, each)
     yield from reference.edit_each(multiply("size", 0.5), geoms, "The size of {} is half of what was asked for.")
     long = [geom for geom in geoms if "fromto" in geom.attrib]
     yield from reference.edit_both(
