@@ -28,8 +28,14 @@ class Luck:
             return None
         why = f"a fixed answer is right in every case with a chance of {self.chance:.1e}; {self.allowed:g} is allowed"
         if self.chance == 1:
-            why += "; no case draws a number, a program draws without its `rng`, or the kind does not say what is right"
-        cure = "draw more numbers, from wider ranges, in more hidden cases, or raise `luck` and say why in `x-luck`"
+            why += (
+                "; no case draws a number, a program draws without its `rng`, a tolerance holds all that is drawn, or "
+                "the kind does not say what is right"
+            )
+        cure = (
+            "draw more numbers, from wider ranges, in more hidden cases, narrow the tolerance, or raise `luck` and say "
+            "why in `x-luck`"
+        )
         return f"{why}: {cure}"
 
 
