@@ -105,7 +105,7 @@ TOLD = [
     (UNIT, ARRAYS, RETURNS.format("{'unit': 'v'}"), "a dict in which not every value is a finite number"),
     (UNIT, ARRAYS, RETURNS.format("v * float('nan')"), "Your result is nan"),
     (UNIT, ARRAYS, RETURNS.format("10**5000"), "Your result is a whole number too large for a float"),
-    (UNIT, ARRAYS, "def two(v):\n    yield v\n", "returns a generator"),
+    (UNIT, ARRAYS, "def two(v):\n    yield v\n", "since it holds `yield`"),
     (UNIT, ARRAYS, "def two(v):\n    return (x for x in v)\n", "a generator, whose values are not computed yet"),
     (UNIT, ARRAYS, OFF.format("np.round(w, 2)"), "unit is rounded to 2 decimals"),
     (UNIT, ARRAYS, OFF.format("w + 0.25"), "unit is off by the same amount in every result"),

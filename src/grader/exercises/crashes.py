@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import mujoco
 
+from grader.exercises.explaining.script import ParsedScript
 from grader.exercises.trace import Trace
 
 MESSAGE_CHARS_MAX = 400
@@ -203,18 +204,16 @@ def explain_hidden_slip(traces: Sequence[Trace]) -> str | None:
     )
 
 
-UNRUN = {
-    "generator": "A call of your function runs nothing of it, since it holds `yield`: return the result with `return`.",
-    "coroutine": "A call of your function runs nothing of it, since it is an `async def`: write `def`.",
-    "async_generator": "A call of your function runs nothing of it, since it is an `async def`: write `def`.",
-}
-"""What is said of a value that is no result, by its type."""
+GENERATOR = "A call of your function runs nothing of it, since it holds `yield`: return the result with `return`."
+COROUTINE = "A call of your function runs nothing of it, since it is an `async def`: write `def`."
 
 
-def explain_unrun(traces: Sequence[Trace]) -> str | None:
+def explain_unrun(traces: Sequence[Trace], script: ParsedScript) -> str | None:
     """Returns the sentence of a script whose function returned in all of these trials what still has to be run."""
     types = {value.type for trace in traces for value in trace.returned_values[:1]}
-    return UNRUN.get(types.pop()) if len(types) == 1 else None
+    if types <= {"coroutine", "async_generator"} and types and script.has_coroutine:
+        return COROUTINE
+    return GENERATOR if types == {"generator"} and script.has_yield else None
 
 
 def add_article(name: str) -> str:

@@ -56,6 +56,16 @@ class ParsedScript:
         return frozenset(used)
 
     @property
+    def has_yield(self) -> bool:
+        """Whether a function is a generator, by a `yield` of its own."""
+        return any(isinstance(node, ast.Yield | ast.YieldFrom) for node in self.nodes)
+
+    @property
+    def has_coroutine(self) -> bool:
+        """Whether there is an `async def`."""
+        return any(isinstance(node, ast.AsyncFunctionDef) for node in self.nodes)
+
+    @property
     def has_loop(self) -> bool:
         """Whether anything is repeated by `for` or `while`."""
         return any(isinstance(node, LOOPS + COMPREHENSIONS) for node in self.nodes)

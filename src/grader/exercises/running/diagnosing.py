@@ -60,7 +60,7 @@ def diagnose(
         message = tell_view(message, first.script)
         return Mistake(message), message
     alike = [trial.trace for trial in whole if not trial.counts and trial.hidden == first.hidden]
-    slip = explain_hidden_slip(alike) or explain_unrun(alike)
+    slip = explain_hidden_slip(alike) or explain_unrun(alike, first.script)
     slip = slip and correct_sentence(slip, gather_evidence(whole))
     if slip is not None:
         return Mistake(slip), slip

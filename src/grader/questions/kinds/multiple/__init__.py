@@ -129,16 +129,16 @@ class Multiple(QuestionKind[MultipleQuestion, tuple[int, ...]]):
         return Example(
             {
                 "kind": "multiple",
-                "q": "Which integrators of MuJoCo take the damping of joints implicitly?",
+                "q": "Which integrators of MuJoCo take the damping of a servo, its kv, implicitly?",
                 "options": ["Euler", "RK4", "implicit", "implicitfast"],
-                "answer": [0, 2, 3],
-                "whys": ["Euler does as well, unless eulerdamp is disabled.", "It evaluates every stage explicitly.",
+                "answer": [2, 3],
+                "whys": ["It takes the damping of joints alone.", "It evaluates every stage explicitly.",
                          "It takes all derivatives of velocity.", "It leaves out those of Coriolis forces alone."],
-                "explain": "<code>eulerdamp</code> is enabled by default.",
-                "points": 3,
+                "explain": "Euler takes the damping of joints implicitly, unless <code>eulerdamp</code> is disabled.",
+                "points": 2,
             },
-            [([0, 2, 3], Status.CORRECT), ([3, 0], Status.PARTIAL), ([0, 1, 2, 3], Status.PARTIAL),
-             ([1], Status.INCORRECT), ([0, 0], Status.INVALID_ANSWER),
+            [([2, 3], Status.CORRECT), ([3], Status.PARTIAL), ([0, 2, 3], Status.PARTIAL),
+             ([1], Status.INCORRECT), ([0, 1, 2, 3], Status.INCORRECT), ([0, 0], Status.INVALID_ANSWER),
              ([4], Status.INVALID_ANSWER), ([True], Status.INVALID_ANSWER), (2, Status.INVALID_ANSWER)],
         )  # fmt: skip
 
