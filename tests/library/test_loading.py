@@ -645,3 +645,10 @@ def test_an_unknown_key_hides_no_fault_of_the_same_part(root: Path) -> None:
     assert sorted(told(root)) == [
         "q1.toll", "q1.verify.expr", "q1.verify.sed", "q2.sim.controls.0.labl", "q2.sim.controls.0.set",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("criterion", [{}, {"criterion": "stable"}, {"criterion": "data.qpos[2] > 0"}])
+def test_the_criterion_of_options_may_be_stability(root: Path, criterion: dict[str, str]) -> None:
+    verify = {"by": "options", "settings": [{}, None], "seconds": 0.1, **criterion}
+    write(root, {**PREDICT, "verify": verify})
+    assert load(root).quizzes

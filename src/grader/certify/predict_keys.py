@@ -12,7 +12,7 @@ from grader.certify.certificate import Certificate, certify_choice, refuse
 from grader.certify.claims import check_claim, to_claim
 from grader.domain.lab import LabConfig, Select
 from grader.domain.pages.markup import plain_text
-from grader.domain.verify import ByOptions, ByOutcome, Claim, Setting
+from grader.domain.verify import STABLE, ByOptions, ByOutcome, Claim, Setting
 from grader.experiments.lasting import explain_lasting_motion
 from grader.experiments.quantities import Floats
 from grader.experiments.regime import Reading, RegimeFailure, compare_runs
@@ -69,7 +69,7 @@ def _certify_options(key: OptionKey, lab: LabConfig, verify: ByOptions, xml: str
         return refuse("options", key.answer, "no option has a setting: write verify.settings, one per option")
     if select is not None and (why := explain_contradiction(key.options, settings, select)):
         return refuse("options", key.answer, why, key="verify.settings")
-    measuring = remove_display(lab, *(() if verify.criterion == "stable" else (_find_expression(verify.criterion),)))
+    measuring = remove_display(lab, *(() if verify.criterion == STABLE else (_find_expression(verify.criterion),)))
     held: dict[int, bool] = {}
     measured: dict[str, Any] = {}
     regimes: dict[str, Any] = {}
@@ -89,7 +89,7 @@ def _certify_options(key: OptionKey, lab: LabConfig, verify: ByOptions, xml: str
     right = _find_right_options(key.options, held)
     certificate = certify_choice("options", right, key.answer, key.options, measured)
     certificate = replace(certificate, regime={"failed": None, **regimes})
-    if select is not None and select.set == "model.opt.integrator" and verify.criterion == "stable":
+    if select is not None and select.set == "model.opt.integrator" and verify.criterion == STABLE:
         return _compare_integrators(certificate, key, measuring, select, xml, seconds=verify.seconds)
     return certificate
 
@@ -182,7 +182,7 @@ def _measure_outcomes(
     sets_numerics = any(
         (getattr(c, "set", None) or "").startswith("model.opt.") for c in lab.controls if c.label in setting
     )
-    if verify.criterion == "stable" or sets_numerics:
+    if verify.criterion == STABLE or sets_numerics:
         verify = verify.model_copy(update={"timestep": "given"})
     keys = {"readouts": "verify.criterion"}
     outcomes, regime = compare_runs(
@@ -191,14 +191,14 @@ def _measure_outcomes(
         verify,
         to_the_end=to_claim(verify.criterion, verify.when).when == "end",
     )
-    if verify.criterion == "stable" and all(holds for holds, _ in outcomes):
+    if verify.criterion == STABLE and all(holds for holds, _ in outcomes):
         outcomes = [_check_growth(measuring, xml, setting, verify.seconds, outcomes[0])]
     return outcomes, regime
 
 
 def _measure_outcome(lab: LabConfig, xml: str, setting: Setting, verify: ByOptions, variant: Variant) -> Outcome:
     keys = {"readouts": "verify.criterion"}
-    if verify.criterion == "stable":
+    if verify.criterion == STABLE:
         run = run_experiment(lab, xml, setting, seconds=verify.seconds, variant=variant, keys=keys)
         return run.stable, _describe_stability(run)
     claim = to_claim(verify.criterion, verify.when)

@@ -81,6 +81,10 @@ class Claim(VerifyPart):
         return self
 
 
+STABLE = "stable"
+"""The criterion of an option whose run gives no warning."""
+
+
 class ByOptions(Simulation):
     """Run the lab of a predict question under each option's setting; `criterion` holds for the right option only.
     `criterion` is `stable` (no warning over the run), an expression that is true at the `end`, `always` or `ever`, or a
@@ -89,7 +93,7 @@ class ByOptions(Simulation):
 
     by: Literal["options"]
     settings: tuple[Setting | None, ...] | None = None
-    criterion: Expression | Claim = "stable"
+    criterion: Expression | Claim = STABLE
     when: When = "end"
     seconds: Seconds | None = None
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from grader.domain.verify import ByExpression, ByMeasurement, ByOptions, ByOutcome, ByThreshold, Claim
+from grader.domain.verify import STABLE, ByExpression, ByMeasurement, ByOptions, ByOutcome, ByThreshold, Claim
 from grader.errors import ContentError, Fault, NotFound
 from grader.expressions import ProgramKind, compile_program
 from grader.labs import list_missing_elements
@@ -50,7 +50,7 @@ def list_texts(key: AnswerKey) -> Iterator[Text]:
     elif isinstance(verify, ByOutcome):
         for index, claim in enumerate(verify.claims):
             yield _read_claim(f"claims.{index}", claim)
-    elif isinstance(verify, ByOptions):
+    elif isinstance(verify, ByOptions) and verify.criterion != STABLE:
         yield _read_claim("criterion", verify.criterion)
 
 
