@@ -367,6 +367,24 @@ def test_an_interval_may_hold_the_number_of_a_run_at_the_own_timestep() -> None:
     assert diagnose(questions["both"], (low + 0.03, high + 0.03)) is not None
 
 
+def test_energies_of_the_last_state_and_of_the_step_before_are_right_at_the_given_timestep() -> None:
+    """mj_step leaves data.energy of the state at which it began; who computes it from positions gets another one."""
+    coarse = SPRING.replace("0.002", "0.02").replace("RK4", "Euler")
+    claim = {"name": "e", "expr": "lib.energy().total", "unit": "J", "tol": 1e-4, "rtol": 0, "timestep": "given"}
+    question = pose({"xml": coarse, "start": {"qpos": [1.0]}}, claims=[claim], seconds=1)
+    model = mujoco.MjModel.from_xml_string(coarse)
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    data = mujoco.MjData(model)
+    data.qpos[0] = 1.0
+    for _ in range(50):
+        mujoco.mj_step(model, data)
+    left, own = float(data.energy.sum()), float(25 * data.qpos[0] ** 2 + data.qvel[0] ** 2)
+    assert abs(left - own) > 1e-2
+    assert diagnose(question, left) is None
+    assert diagnose(question, own) is None
+    assert diagnose(question, (left + own) / 2) is not None
+
+
 @pytest.mark.parametrize("timestep", ["both", "any", "given"])
 def test_a_period_that_changes_during_the_run_is_a_fault(timestep: str) -> None:
     """A learner who measures the first wave, or the last, would get another number."""

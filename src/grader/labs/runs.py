@@ -45,7 +45,8 @@ class Variant:
     draws: a shift of all alike changes no distance, and a seed repeats a certificate; with `every_step` a frame for
     every step, without poses. Up to `close_up_s` [s] there are CLOSE_UP_FRAMES frames, or one for every step. The
     motion is linearised at `probes` moments, until MuJoCo resets it. With `as_stepped` derived quantities are shown as
-    mj_step left them, also where they belong to RK4's last stage."""
+    mj_step left them, also where they belong to RK4's last stage; with `derived` they are those of the state at which a
+    step ends, where every integrator but RK4 leaves those of the state at which it began."""
 
     integrator: int | None = None
     finer: float = 1
@@ -55,6 +56,7 @@ class Variant:
     close_up_s: float = 0.0
     probes: int = 0
     as_stepped: bool = False
+    derived: bool = False
 
 
 SAME = Variant()
@@ -78,7 +80,8 @@ class LabSimulation:
         self.refreshed: tuple[list[Run], Machine] | None = None
         self.presses: deque[tuple[float, Program]] = deque()
         self.pullers: list[Puller] = []
-        self.every_step, self.close_up_s, self.as_stepped, self.elapsed = False, 0.0, False, 0.0
+        self.every_step, self.close_up_s, self.elapsed = False, 0.0, 0.0
+        self.as_stepped, self.derived = False, False
         self.shows_derived = programs.show_derived()
         self.overlays = list_overlays(config.over_the_scene)
         self.probe_times: list[float] = []
@@ -104,8 +107,10 @@ class LabSimulation:
 
     def _shows_copy(self) -> bool:
         """Whether what is shown is a copy of the data: after RK4, which leaves derived quantities of its last stage,
-        and of no state of the run. A certificate that shows none of them needs no copy."""
-        return not self.as_stepped and (self.shows_derived or not self.every_step) and derives_last_stage(self.model)
+        and of no state of the run, and where the variant asks for it. A certificate that shows none of them needs no
+        copy."""
+        is_other = self.derived or derives_last_stage(self.model)
+        return not self.as_stepped and (self.shows_derived or not self.every_step) and is_other
 
     def _refresh(self, shows_copy: bool) -> None:
         """Choose the data that is shown: the run's own, or a copy that is derived again from its state. The run itself
@@ -128,7 +133,8 @@ class LabSimulation:
 
     def vary(self, variant: Variant) -> None:
         """Make this run the variant."""
-        self.every_step, self.close_up_s, self.as_stepped = variant.every_step, variant.close_up_s, variant.as_stepped
+        self.every_step, self.close_up_s = variant.every_step, variant.close_up_s
+        self.as_stepped, self.derived = variant.as_stepped, variant.derived
         self.model.opt.timestep /= variant.finer
         if variant.integrator is not None:
             self.model.opt.integrator = variant.integrator

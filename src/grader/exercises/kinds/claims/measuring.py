@@ -44,8 +44,8 @@ Reader = Callable[[Variant], tuple[LabRun, Floats]]
 class MeasuredClaim:
     """What a claim should be, in its unit: `values`, one for each x of a curve, with the largest uncertainty, and `own`
     at the model's own timestep. `trouble` is the key and the reason why it cannot be decided; empty where it can.
-    `finest` is the own timestep over the shortest one, for each x. `others` are numbers that are as right, of a case
-    that was drawn where the claim jumps."""
+    `finest` is the own timestep over the shortest one, for each x. `others` are numbers that are as right, as in a
+    case that was drawn where the claim jumps."""
 
     values: Floats
     uncertainty: float
@@ -278,7 +278,19 @@ def measure_given(bench: Bench, index: int, own: Floats, allowed: float) -> Meas
     ]
     noise = max(float(np.abs(np.array(each) - value).max()) for each, value in zip(nudged, own, strict=True))
     trouble = explain_doubt(index, noise, allowed, describe_noise(noise))
-    return MeasuredClaim(own, noise, own, trouble, (1.0,) * len(points))
+    others = tuple(other for other in measure_derived(bench, claim) if np.abs(other - own).max() > allowed)
+    return MeasuredClaim(own, noise, own, trouble, (1.0,) * len(points), others)
+
+
+def measure_derived(bench: Bench, claim: Claim) -> tuple[Floats, ...]:
+    """Returns the numbers of a claim by the state at which each step ends: mj_step leaves energies and poses of the
+    state at which it began, and who computes them from positions and velocities gets those of its end."""
+    points = list_points(bench.problem, claim)
+    try:
+        numbers = [bench.measure(claim, experiment, Variant(derived=True), at_s)[1] for experiment, at_s in points]
+    except RegimeFailure:
+        return ()
+    return (np.array(numbers),)
 
 
 def explain_doubt(index: int, uncertainty: float, allowed: float, cure: str) -> tuple[str, str] | None:
