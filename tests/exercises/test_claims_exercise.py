@@ -370,7 +370,15 @@ def test_an_interval_may_hold_the_number_of_a_run_at_the_own_timestep() -> None:
 def test_energies_of_the_last_state_and_of_the_step_before_are_right_at_the_given_timestep() -> None:
     """mj_step leaves data.energy of the state at which it began; who computes it from positions gets another one."""
     coarse = SPRING.replace("0.002", "0.02").replace("RK4", "Euler")
-    claim = {"name": "e", "quantity": "final", "expr": "lib.energy().total", "unit": "J", "tol": 1e-4, "rtol": 0, "timestep": "given"}
+    claim = {
+        "name": "e",
+        "quantity": "final",
+        "expr": "lib.energy().total",
+        "unit": "J",
+        "tol": 1e-4,
+        "rtol": 0,
+        "timestep": "given",
+    }
     question = pose({"xml": coarse, "start": {"qpos": [1.0]}}, claims=[claim], seconds=1)
     model = mujoco.MjModel.from_xml_string(coarse)
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY

@@ -241,6 +241,15 @@ def test_what_no_text_can_hold_is_replaced_in_what_was_raised(exception: str, sa
     assert Verdict.model_validate_json(verdict.model_dump_json()) == verdict
 
 
+@pytest.mark.parametrize("id_", ["servo-threshold", "rk4-step"])
+def test_what_a_returned_value_says_of_itself_is_cleaned(id_: str, grade: Grade) -> None:
+    exercise = question(id_)
+    odd = "class A:\n    def __repr__(self): return '\\x1b[2J\\x00\\u202e correct\\n  + all'\n\n"
+    verdict = grade(exercise, f"{odd}def {exercise.entry}(*arguments): return A()\n")
+    told = "".join(f"{finding.message}{finding.direction}{finding.measured}" for finding in verdict.findings)
+    assert not [c for c in f"{told}{verdict.diagnosis}" if c in "\x1b\0\u202e\n"]
+
+
 @pytest.mark.parametrize(
     ("id_", "source", "told"),
     [

@@ -23,6 +23,7 @@ from grader.domain.pages.markup import plain_text
 from grader.errors import GraderError
 from grader.exercises.explaining.places import find_test
 from grader.exercises.explaining.script import ParsedScript
+from grader.exercises.kinds.model.measuring import remove_comments
 from grader.gate.admission import drop_escaped_cookies, read_origin
 from grader.grading.pipeline import to_canonical_json
 from grader.labs.controls import choose_values
@@ -187,6 +188,10 @@ RULES: dict[str, tuple[Callable[[Any], Any], dict[str, Make]]] = {
             "header": repeated(";", '--X\r\nContent-Disposition: form-data; a="', "\r\n\r\n\r\n--X--"),
             "parts": repeated('--X\r\nContent-Disposition: form-data; name="a"\r\n\r\n\r\n', after="--X--"),
         },
+    ),
+    "comments of XML": (
+        remove_comments,
+        {unit: repeated(unit, "<!-- <include -->") for unit in ["<!--", "-->", "<!-- -->"]},
     ),
     "updates of a script": (
         lambda text: find_test(ParsedScript(text), None),

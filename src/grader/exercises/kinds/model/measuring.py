@@ -14,7 +14,6 @@ READS_FILES = re.compile(r"<\s*(?:include|extension)\b|\bfile\w*\s*=", re.IGNORE
 FILE_NAME = re.compile(r"\s*[^\s<>][^<>\n]{0,200}\.(?:xml|mjcf)\s*", re.IGNORECASE)
 FILE = "name of a file"
 NO_FILES = 'A model that is handed in reads no file: leave out <include>, <extension>, and every file="...".'
-COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 IN_COMMENT = "Here a comment has such words: leave them out of it."
 
 SAMPLES = 64
@@ -48,13 +47,22 @@ def measure(inputs: Mapping[str, Any], results: Mapping[str, Any], submit: Calla
     submit("report", np.frombuffer(json.dumps(report).encode(), dtype=np.uint8))
 
 
+def remove_comments(text: str) -> str:
+    """Returns XML without its comments, in linear time: where one has no end, no other has."""
+    kept, at = list[str](), 0
+    while (begin := text.find("<!--", at)) >= 0 and (end := text.find("-->", begin + 4)) >= 0:
+        kept.append(text[at:begin])
+        at = end + 3
+    return "".join((*kept, text[at:]))
+
+
 def describe(text: str, inputs: Mapping[str, Any], *, halved: bool = True) -> dict[str, Any]:
     """Returns `error`, why the text cannot be compiled, with the `braces` in it that nothing has filled; `returned`,
     what it is in place of a model; or `goals`, for each goal the values of its expressions, the `names` of the
     elements, the bodies `of_water`, and the `geoms` where the case begins. With `halved` runs are made with half the
     timestep as well."""
     if READS_FILES.search(text):
-        is_comment = text.count("<!") == text.count("<!--") and not READS_FILES.search(COMMENT.sub("", text))
+        is_comment = text.count("<!") == text.count("<!--") and not READS_FILES.search(remove_comments(text))
         return {"error": f"{NO_FILES} {IN_COMMENT}" if is_comment else NO_FILES}
     try:
         model = mujoco.MjModel.from_xml_string(text)
