@@ -380,6 +380,19 @@ def test_nothing_but_a_search_by_name_joins_an_answer_under_review_to_its_learne
     assert difference["user"] == "ann-learner"
 
 
+def test_nobody_overwrites_a_first_mark_that_they_may_not_see(site: Site) -> None:
+    ann, tina, tom = site.client("ann"), site.client("tina", "instructor"), site.client("tom", "instructor")
+    made = hand_in(ann, "twice")["id"]
+    assert decide(tina, made, points=3).status_code == 200
+    refused = decide(tom, made, points=1)
+    assert (refused.status_code, "give yours as the second" in refused.json()["detail"]) == (409, True)
+    taken = tom.delete(f"{API}/submissions/{made}/review", headers={"If-Match": "*"})
+    assert (taken.status_code, "give yours as the second" in taken.json()["detail"]) == (409, True)
+    assert decide(tina, made, points=2).status_code == 200  # one's own
+    assert decide(tom, made, "review/second", points=2).json()["agrees"]
+    assert tom.delete(f"{API}/submissions/{made}/review", headers={"If-Match": "*"}).status_code == 200
+
+
 def test_nobody_but_the_first_reviewer_sees_the_first_mark_before_the_second(site: Site) -> None:
     ann = site.client("ann")
     tina, tom = site.client("tina", "instructor"), site.client("tom", "instructor")

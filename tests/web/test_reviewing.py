@@ -200,7 +200,7 @@ def test_without_javascript_answers_are_claimed_decided_and_followed_by_the_next
 
     form.get_by_text("Take the mark back").click()
     form.get_by_role("button", name="Take it back").click()
-    expect(una.get_by_role("status").first).to_have_text("Taken back: what the grader found counts again.")
+    expect(una.get_by_role("status").first).to_have_text("Taken back: the answer waits for a reviewer again.")
     expect(form.get_by_text("Take the mark back")).to_have_count(0)
     client, one = sent[0]
     assert client.get(f"{API}/submissions/{one}").json()["status"] == "needs_review"

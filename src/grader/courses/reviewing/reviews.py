@@ -31,6 +31,7 @@ from grader.store.tables import Review, ReviewClaim, Submission, now
 CLAIM = timedelta(minutes=15)
 """How long a claim holds after it was made or prolonged."""
 
+SECOND = "This submission has a first mark, and waits for a second one: give yours as the second."
 NO_MARK = "No reviewer's mark counts for this submission."
 
 FOLLOWING = "a change of the rubric"
@@ -111,11 +112,19 @@ def require_third(session: Session, submission: Submission, who: Identity) -> No
         raise Conflict("One of the two marks that differ is yours: a third reviewer decides.")
 
 
+def waits_for_second(session: Session, submission: Submission, who: Identity) -> bool:
+    """Whether the submission has a first mark that this reviewer may not see before giving the second."""
+    review = reviews.find_review(session, submission.id)
+    return review is not None and review.second == WAITING and review.reviewer != who.id
+
+
 def decide(desk: Desk, session: Session, who: Identity, submission: Submission, mark: Mark) -> Verdict:
     """Appends the reviewer's verdict, whose points count. Raises Conflict, Unprocessable. On an answer with two marks
     it is the third decision. The caller holds the submission."""
     require_free(session, submission, who)
     require_third(session, submission, who)
+    if waits_for_second(session, submission, who):
+        raise Conflict(SECOND)
     earlier = read_newest(session, submission)
     verdict = apply_mark(earlier, desk.question(submission), mark)
     results.append_verdict(desk.database, desk.library, session, submission, verdict, cause=REVIEW, reviewer=who.user)
@@ -129,9 +138,12 @@ def decide(desk: Desk, session: Session, who: Identity, submission: Submission, 
 
 def withdraw(desk: Desk, session: Session, who: Identity, submission: Submission) -> Verdict:
     """Takes the marks of an answer back: the newest verdict that is no person's counts again, and an answer that only a
-    person can grade waits again. Raises Conflict where no person's counts. The caller holds the submission."""
+    person can grade waits again. Raises Conflict where no person's counts, or one that the caller may not see yet. The
+    caller holds the submission."""
     require_free(session, submission, who)
     require_third(session, submission, who)
+    if waits_for_second(session, submission, who):
+        raise Conflict(SECOND)
     if not reviews.is_decided(session, submission):
         raise Conflict(NO_MARK)
     earlier = read_newest(session, submission)

@@ -2,7 +2,7 @@
 Opening an answer that waits claims it, so that two reviewers never mark the same one."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 from urllib.parse import urlencode
@@ -19,7 +19,7 @@ from grader.courses.reviewing.blinding import hide_names
 from grader.courses.reviewing.desk import Desk
 from grader.courses.rules.policy import format_moment
 from grader.courses.rules.rubric import Mark
-from grader.domain.verdict import NO_COMMENT, REVIEW
+from grader.domain.verdict import NO_COMMENT, REVIEW, Status
 from grader.errors import CallerError, NotFound, Outdated, Unprocessable
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices
@@ -175,7 +175,7 @@ def decide(at: Sitting, submission_id: str, typed: ReviewForm, version: str) -> 
     with at.services.database.write() as session:
         row = hold(at, session, submission_id, version)
         mark = parse_mark(typed, has_rubric=bool(list_rubric(at.desk.question(row))))
-        if not at.is_second:
+        if not (at.is_second or reviews.waits_for_second(session, row, at.who)):
             reviews.decide(at.desk, session, at.who, row, mark)
             return "decided"
         return "agree" if reviews.mark_second(at.desk, session, at.who, row, mark).second == AGREED else "differ"
@@ -288,7 +288,8 @@ def render(
         marks = review if review is not None and review.second == DIFFERS else None
         waits_for_third = marks is not None and not stored.may_settle(session, marks, who.id)
         kept = find_comments(session, who.course, row.quiz, row.question)
-        is_decided = stored.is_decided(session, row)
+        gives_second = reviews.waits_for_second(session, row, who)
+        is_decided = stored.is_decided(session, row) and not gives_second
         learner = name_learner(row, seen.names, make_marks(session, who.course))
         waiting = sum(queue.answers for queue in list_waiting(at, session))
     card = build_card(given)
@@ -308,6 +309,8 @@ def render(
         "is_mine": claim is not None and claim.reviewer == who.id,
         "marks": marks,
         "waits_for_third": waits_for_third,
+        "gives_second": gives_second,
+        "taken_back": describe_withdrawal(at, row, given.verdict),
         "is_decided": is_decided,
         "rubric": list_rubric(question),
         "comments": kept,
@@ -318,6 +321,16 @@ def render(
         **describe_question(desk.library, row.quiz, question, given),
     }
     return page(request, "review_answer.html", status, who=who, **(context | more))
+
+
+def describe_withdrawal(at: Sitting, row: Submission, verdict: Mapping[str, Any]) -> str:
+    """Says what counts after a mark was taken back, and what to do where the quiz has changed since it was graded."""
+    if verdict["status"] == Status.NEEDS_REVIEW:
+        return "Taken back: the answer waits for a reviewer again."
+    digests = at.desk.library.digests
+    is_old = row.quiz in digests and verdict["content_digest"] != digests[row.quiz]
+    older = " The quiz has changed since it was graded: regrade it on the page Regrades." if is_old else ""
+    return f"Taken back: what the grader found counts again.{older}"
 
 
 def describe_visibility(at: Sitting, submission_id: str) -> str:
