@@ -27,6 +27,7 @@ from grader.library import load
 from grader.questions.kinds.number import NumberQuestion
 from grader.settings import Settings
 from grader.store.tables import VerdictRow
+from grader.web.author.draft import describe_points
 from grader.web.instructor import certificates, extensions
 from grader.web.instructor.statistics_plots import plot_estimates
 from grader.web.text.certificates import word_key
@@ -535,6 +536,56 @@ def test_a_draft_is_read_previewed_and_published_as_it_was_seen(alone: Site) -> 
     assert any(item["action"] == "content reloaded" for item in tina.get(f"{API}/audit").json()["items"])
     path.write_text(json.dumps(GRADED))
     assert tina.post(f"{API}/content:reload").status_code == 200
+
+
+def test_results_keep_the_points_that_they_are_out_of_until_a_regrade(alone: Site) -> None:
+    tina, ann, cem = browser(alone, "tina", "instructor"), browser(alone, "ann"), browser(alone, "cem")
+    path = alone.settings.content / "quizzes" / "4.1-points.json"
+
+    def write(points: int, **more: Any) -> None:
+        asked = [{**LENGTH, "points": points, **more}, {**GRADED["questions"][1], "points": points}]
+        path.write_text(json.dumps({"id": "4.1-points", "title": "Points", "questions": asked}))
+
+    def publish() -> None:
+        assert tina.post(f"{API}/content:reload").status_code == 200
+
+    write(3)
+    publish()
+    answer(ann, "4.1-points", "length", 6)
+    write(5)
+    text = words(page(tina, DRAFT))
+    assert "The points of why change" not in text
+    assert "The points of length change from 3 to 5: 1 learner has results out of 3. They stay so until a" in text
+    assert 'href="/instructor/regrades?what=4.1-points/length">the regrade of length</a>' in page(tina, DRAFT)
+    publish()
+    answer(ann, "4.1-points", "why", "Because.")
+    seen = words(page(ann, "/lessons/4.1"))
+    assert "3 of 8" in seen  # the sum counts what each result is out of
+    assert ("3 / 3" in seen, "3 / 5" in seen, "waits / 5" in seen, "Correct 3 of 3 points" in seen) == (
+        True, False, True, True,
+    )  # fmt: skip
+    answer(cem, "4.1-points", "length", 6)
+    write(3)
+    text = words(page(tina, DRAFT))
+    assert "length change from 5 to 3: 1 learner has results out of 5. They stay so until a regrade brings" in text
+    publish()
+    seen = words(page(cem, "/lessons/4.1"))
+    assert ("5 / 5" in seen, "5 / 3" in seen, "5 of 8" in seen) == (True, False, True)
+    assert "3 / 3" in words(page(ann, "/lessons/4.1"))
+    write(3, tol=0.5)
+    assert "The points of length" not in words(page(tina, DRAFT))
+
+
+@pytest.mark.parametrize(
+    ("by_maximum", "told"),
+    [
+        ({3.0: 4, 4.0: 1, 5.0: 2}, ": 4 learners have results out of 3, 1 learner has results out of 4. They stay so"),
+        ({5.0: 2}, ", and all results are out of 5 already."),
+    ],
+)  # fmt: skip
+def test_other_points_are_told_with_what_the_results_are_out_of(by_maximum: dict[float, int], told: str) -> None:
+    sentences = describe_points("a", 3.0, by_maximum, now=5.0)
+    assert sentences.partition(" until")[0] == f"The points of a change from 3 to 5{told}"
 
 
 def test_a_draft_of_a_folder_that_several_courses_use_says_so(alone: Site) -> None:

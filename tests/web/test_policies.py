@@ -176,6 +176,7 @@ def test_a_withheld_verdict_does_not_tell_that_it_was_changed(browser: httpx.Cli
         ),
         (("grading", "correct", 1, 1), ("regrade", "correct", 2, 2), "its key: 2 of 2 now, 1 of 1 before."),
         (("grading", "correct", 1, 1), ("regrade", "needs_review", 0, 1), "will decide; before, it had 1 of 1."),
+        (("grading", "correct", 3, 3), ("regrade", "needs_review", 0, 5), "will decide; before, it had 3 of 3."),
         (("review", "correct", 1, 1), ("withdrawn", "needs_review", 0, 1), "will decide; before, it had 1 of 1."),
         (("grading", "needs_review", 0, 1), ("review", "correct", 1, 1), ""),
     ],

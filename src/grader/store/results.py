@@ -322,11 +322,15 @@ State = tuple[int, int]
 """The number of some results and of their changes: it changes whenever one of them does, as none is ever deleted."""
 
 
-def count_learners(session: Session, courses: Sequence[str], quiz: str) -> dict[str, int]:
-    """The number of learners of courses with a result, by question of a quiz; questions without one are left out."""
+def count_learners(session: Session, courses: Sequence[str], quiz: str) -> dict[str, dict[float, int]]:
+    """The number of learners of courses with a result, by question of a quiz and by what the result is out of;
+    questions without one are left out."""
     here = (Result.course.in_(courses), Result.quiz == quiz)
-    counts = session.execute(select(Result.question, func.count()).where(*here).group_by(Result.question))
-    return {question: learners for question, learners in counts}  # noqa: C416 - rows are no pairs to the types
+    columns = (Result.question, Result.max_points)
+    counts: dict[str, dict[float, int]] = {}
+    for question, maximum, learners in session.execute(select(*columns, func.count()).where(*here).group_by(*columns)):
+        counts.setdefault(question, {})[maximum] = learners
+    return counts
 
 
 STATE = (func.count(), func.coalesce(func.sum(Result.changes), 0))

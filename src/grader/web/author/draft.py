@@ -1,6 +1,6 @@
 """The draft of a course in the service: what its content folder changes, what the keys say of it, and Publish."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 from urllib.parse import urlencode
 
@@ -24,9 +24,13 @@ from grader.web.author.preview import STATES, build_preview, list_samples
 from grader.web.frame.inputs import Form, Instructor
 from grader.web.frame.rendering import page
 from grader.web.instructor.certificates import list_certificates
+from grader.web.text.numbers import write_points
 from grader.web.text.questions import list_titles
 
 PAGE = "/instructor/draft"
+
+Answered = Mapping[tuple[str, str], Mapping[float, int]]
+"""How many learners have answered, by quiz and question, and by what their results are out of."""
 
 NO_REVISION = "The form names no revision: read the changes again, and publish from the page."
 
@@ -102,13 +106,12 @@ def render(request: Request, services: AppServices, who: Instructor, trouble: st
     )  # fmt: skip
 
 
-def count_answered(session: Session, courses: Sequence[str], changes: list[Change]) -> dict[tuple[str, str], int]:
-    """Returns how many learners of some courses have an attempt that counts, by quiz and question, at the quizzes that
-    change."""
+def count_answered(session: Session, courses: Sequence[str], changes: list[Change]) -> Answered:
+    """Returns how many learners of some courses have an attempt that counts, at the quizzes that change."""
     return {
-        (quiz, question): learners
+        (quiz, question): by_maximum
         for quiz in sorted({change.quiz for change in changes})
-        for question, learners in results.count_learners(session, courses, quiz).items()
+        for question, by_maximum in results.count_learners(session, courses, quiz).items()
     }
 
 
@@ -127,19 +130,19 @@ def count_marked(
 
 
 def describe_change(
-    change: Change, now: Library, draft: Draft, answered: dict[tuple[str, str], int],
-    marked: dict[tuple[str, str], int],
+    change: Change, now: Library, draft: Draft, answered: Answered, marked: dict[tuple[str, str], int],
 ) -> dict[str, Any]:  # fmt: skip
     """Returns a change as cells of the table: what it is of, what happens, what that means."""
     assert draft.library is not None
     if change.lesson:
         meaning = "Learners read it on the page of the lesson."
         return {"quiz": f"lessons/{change.lesson}.md", "part": "", "how": change.how, "title": "Text of the lesson",
-                "edits": change.edits, "regrade": False, "meaning": meaning, "address": None}  # fmt: skip
+                "edits": change.edits, "regrade": False, "meaning": meaning, "points": "", "address": None}  # fmt: skip
     library = now if change.how == REMOVED else draft.library
-    learners = answered.get((change.quiz, change.part), 0)
+    by_maximum = answered.get((change.quiz, change.part), {})
+    learners = sum(by_maximum.values())
     if not change.part:
-        learners = sum(count for (quiz, _), count in answered.items() if quiz == change.quiz)
+        learners = sum(sum(counts.values()) for (quiz, _), counts in answered.items() if quiz == change.quiz)
     title = library.quiz(change.quiz).title
     if change.part and change.is_question:
         title = list_titles(library)[change.quiz, change.part]
@@ -148,10 +151,33 @@ def describe_change(
         "edits": [edit._replace(path=join_path(change.part, edit.path)) for edit in change.edits],
         "regrade": bool(learners and change.is_for_regrade),
         "meaning": describe_meaning(change, learners, marked.get((change.quiz, change.part), 0)),
+        "points": describe_points(
+            change.part, now.question(change.quiz, change.part).points, by_maximum,
+            now=library.question(change.quiz, change.part).points,
+        )
+        if learners and change.is_for_regrade and "points" in change.keys
+        else "",
         "address": f"{PAGE}/{change.quiz}/{change.part}"
         if change.part and change.is_question and change.how != REMOVED
         else None,
     }  # fmt: skip
+
+
+def describe_points(question: str, before: float, by_maximum: Mapping[float, int], *, now: float) -> str:
+    """Returns what other points of a question mean for the results of learners, whose number is given by what they are
+    out of: they stay so until a regrade."""
+    opening = f"The points of {question} change from {write_points(before)} to {write_points(now)}"
+    others = [
+        f"{'1 learner has results' if learners == 1 else f'{learners} learners have results'} out of {write_points(of)}"
+        for of, learners in sorted(by_maximum.items())
+        if of != now
+    ]
+    if not others:
+        return f"{opening}, and all results are out of {write_points(now)} already."
+    return (
+        f"{opening}: {', '.join(others)}. They stay so until a regrade brings them to {write_points(now)}; what a "
+        "reviewer decided stays."
+    )
 
 
 def describe_meaning(change: Change, learners: int, marked: int = 0) -> str:

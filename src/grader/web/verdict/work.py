@@ -137,6 +137,7 @@ class QuestionPlace:
     given: GivenAnswer | None
     points: float | None
     of: float
+    """What the points that count are out of, also where the question has other points by now; else its points now."""
     notice: str
     dates: str
     may_answer: bool
@@ -238,11 +239,19 @@ def describe_place(
     decision = access.decide(quiz.id, question.id)
     counts = progress["result"]
     return QuestionPlace(
-        given, None if counts is None else counts["points"], question.points,
+        given, None if counts is None else counts["points"], find_maximum(question, counts),
         access.describe_attempts(quiz, question), access.describe_dates(quiz, question), decision.may_answer,
         given is not None and decision.why_no_lab is None, decision.due, progress["attempts_left"],
         counts is None or counts["is_final"],
     )  # fmt: skip
+
+
+def find_maximum(question: Question, counts: Mapping[str, Any] | None) -> float:
+    """Returns what the points that count are out of: until a regrade, what the question had when they were given. An
+    answer without a mark gets one out of the question's points now."""
+    if counts is not None and (counts["is_final"] or counts["points"]):
+        return float(counts["max_points"])
+    return question.points
 
 
 def list_attempts(
@@ -337,7 +346,7 @@ def describe_regrade(before: VerdictMark, after: VerdictMark) -> str:
     if before.status == Status.NEEDS_REVIEW or after.cause not in AGAIN:
         return ""
     opening = AGAIN[after.cause].format(when=format_moment(after.at))
-    worth = f"of {write_points(after.max_points)}"
+    worth = f"of {write_points(before.max_points)}"
     if after.status == Status.NEEDS_REVIEW:
         return f"{opening}: an instructor will decide; before, it had {write_points(before.points)} {worth}."
     if not has_other_points(before, after):
