@@ -184,6 +184,39 @@ def test_the_pages_try_out_apply_and_cancel_without_a_script(site: Site, content
     assert (refused.status_code, "Choose which submissions" in refused.text) == (409, True)
 
 
+@pytest.mark.parametrize(("scope", "is_named"), [("latest", False), ("these", True)])
+def test_a_cancelled_regrade_says_what_it_left_and_leads_to_the_form(
+    site: Site, content: Path, scope: str, is_named: bool
+) -> None:
+    ids = [hand_in(site, f"user{number:02}", 2 - number % 2) for number in range(30)]
+    ids += [hand_in(site, "user00", 1)] if is_named else []  # a learner of whom one submission may be done
+    browser, teacher = signed_in(site), site.client("tina", "instructor")
+    change_key(teacher, content, 2)
+    form = {"what": "small/q1", "scope": scope, "ids": " ".join(ids) if is_named else ""}
+    tried = browser.post("/instructor/regrades", data=form)
+    work(site)
+    applied = browser.post(f"{tried.url}/apply")
+    services = site.app.state.services
+    worker = build_worker(site.settings, services.database, services.content.archive, Graders(0, allow_t2=False))
+    assert worker.do_one()
+    text = browser.post(f"{applied.url}/cancel").text
+    regrade = teacher.get(f"{API}/regrades/{str(applied.url).rpartition('/')[2]}").json()
+    differences = [item["difference"] for item in regrade["items"] if item["difference"]]
+    up, down = (sum(sign * each > 0 for each in differences) for sign in (1, -1))
+    left = regrade["progress"]["total"] - regrade["progress"]["done"]
+    assert 0 < len(differences) < 30 and left
+    assert f"Points changed for {up + down} learners: {up} up, {down} down." in text
+    assert f"The verdicts that changed stay; those of the other {left} submissions are as they were." in text
+    filled = browser.get(re.findall(r'href="([^"]*like=[^"]*)">Regrade the same scope again', text)[0]).text
+    assert re.findall(r'<option value="([^"]+)" selected>', filled) == ["small/q1", scope]
+    assert re.findall("[0-9a-f]{32}", filled.partition("<textarea")[2].partition("</textarea>")[0]) == (
+        ids if is_named else []
+    )
+    other = browser.post(str(browser.post("/instructor/regrades", data=form).url) + "/cancel").text
+    assert "Nothing was graded again." in other and "Points would change" not in other
+    assert browser.get("/instructor/regrades?like=none").status_code == 404
+
+
 def test_the_pages_are_for_instructors(site: Site) -> None:
     assert site.anonymous().get("/instructor/regrades").status_code == 401
     nobody = site.anonymous(SAME_ORIGIN)

@@ -152,7 +152,7 @@ class Course:
         with self.database.read() as session:
             regrade = regrades.get(session, regrade_id, self.name)
             view = regrades.describe_regrade(regrade, stored.count_by_outcome(session, regrade))
-            return view | {"items": regrades.read_page(session, regrade_id, 0, 1000, changed=changed)}
+            return view | {"items": regrades.read_page(session, regrade, 0, 1000, changed=changed)}
 
     def verdicts(self, submission_id: str) -> list[tuple[str, str, float]]:
         with self.database.read() as session:
@@ -485,6 +485,20 @@ def test_a_cancelled_regrade_stops_and_keeps_what_it_did(course: Course) -> None
     course.work()
     with pytest.raises(Conflict), course.database.write() as session:
         regrades.cancel(session, course.tina, over)
+
+
+@pytest.mark.parametrize(("is_over", "told"), [(False, (None, None)), (True, (2.0, 1.0))])
+def test_a_regrade_that_is_over_tells_what_it_changed_of_a_learner(
+    is_over: bool, told: tuple[float | None, float | None]
+) -> None:
+    points = {"changed": (1.0, 2.0), stored.WAITING: (None, None)}
+    rows: list[tuple[stored.RegradeItem, str | None]] = [
+        (stored.RegradeItem(number=number, place=1, submission_id=str(number), learner="ann", question="number",
+                            outcome=outcome, counted_before=before, counted_after=after), "Ann")
+        for number, (outcome, (before, after)) in enumerate(points.items(), 1)
+    ]  # fmt: skip
+    (difference,) = regrades.compare_points(rows, is_over=is_over)
+    assert (difference["after"], difference["difference"]) == told
 
 
 def test_a_regrade_that_was_cancelled_while_a_piece_was_graded_stores_nothing_of_it(course: Course) -> None:

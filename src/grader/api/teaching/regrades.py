@@ -115,9 +115,7 @@ def show_regrade(
     with services.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
         counts = stored.count_by_outcome(session, regrade)
-        differences = regrades.read_page(
-            session, regrade.id, query.read_number(9), query.limit + 1, changed=query.changed
-        )
+        differences = regrades.read_page(session, regrade, query.read_number(9), query.limit + 1, changed=query.changed)
         items = blinded_differences(services.desk_of(who.course), session, who, regrade.quiz, differences)
     cursor = None
     if len(items) > query.limit:

@@ -159,15 +159,18 @@ def describe_regrade(regrade: Regrade, counts: Mapping[str, int]) -> dict[str, A
     }
 
 
-def compare_points(rows: Iterable[tuple[RegradeItem, str | None]]) -> Iterator[dict[str, Any]]:
+def compare_points(
+    rows: Iterable[tuple[RegradeItem, str | None]], *, is_over: bool = False
+) -> Iterator[dict[str, Any]]:
     """Says what the regrade comes to for each learner at a question, as plain JSON; `rows` in the order of their
     numbers. `before` and `after` are the points that count, by the policy and the learner's extension; None where
-    nothing does, or where it is not known yet."""
+    nothing does, or where it is not known yet. One that `is_over` came to what its last submission left."""
     for place, several in groupby(rows, key=lambda row: row[0].place):
         theirs = list(several)
         items = [item for item, _ in theirs]
-        is_done = all(item.outcome != WAITING for item in items)
-        before, after = items[0].counted_before, items[-1].counted_after if is_done else None
+        done = [item for item in items if item.outcome != WAITING]
+        is_done = len(done) == len(items) or (is_over and bool(done))
+        before, after = items[0].counted_before, done[-1].counted_after if is_done else None
         yield {
             "place": place,
             "learner": items[0].learner,
@@ -193,8 +196,7 @@ def view_points(status: str | None, points: float | None) -> dict[str, Any] | No
     return None if status is None else {"status": status, "points": points}
 
 
-def read_page(session: Session, regrade_id: str, after: int, limit: int, *, changed: bool) -> list[dict[str, Any]]:
+def read_page(session: Session, regrade: Regrade, after: int, limit: int, *, changed: bool) -> list[dict[str, Any]]:
     """The differences of at most `limit` learners after a place; with `changed` those alone whose verdicts differ."""
-    return list(
-        compare_points(regrades.list_learners(session, regrade_id, after, limit, "changed" if changed else None))
-    )
+    rows = regrades.list_learners(session, regrade.id, after, limit, "changed" if changed else None)
+    return list(compare_points(rows, is_over=regrade.status not in UNFINISHED))

@@ -1,6 +1,7 @@
 """The pages of regrades: start one, see the difference that it makes, apply it, cancel it. They need no script."""
 
 import re
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from fastapi import Query, Request
@@ -15,7 +16,7 @@ from grader.errors import CallerError, Unprocessable
 from grader.gate.late_routes import page_router
 from grader.gate.services import AppServices, Services
 from grader.store import regrades as stored
-from grader.store.regrades import UNFINISHED
+from grader.store.regrades import UNFINISHED, Regrade
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import page
 from grader.web.learner.pages import show_sign_in
@@ -35,13 +36,18 @@ router = page_router()
 
 @router.get(PAGE)
 def list_page(
-    request: Request, services: AppServices, who: Visitor, what: Annotated[str, Query(max_length=129)] = ""
-) -> Response:
-    """The form that starts a regrade, with a quiz or `quiz/question` chosen, and the newest ones; to anyone but an
-    instructor, how to sign in."""
+    request: Request, services: AppServices, who: Visitor, what: Annotated[str, Query(max_length=129)] = "",
+    like: Annotated[str, Query(max_length=32)] = "",
+) -> Response:  # fmt: skip
+    """The form that starts a regrade, with a quiz or `quiz/question` chosen, or filled in as for the regrade of the
+    id `like`, and the newest ones; to anyone but an instructor, how to sign in. Raises NotFound without that one."""
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
-    return render_list(request, services, who, what=what)
+    form = {"what": what}
+    if like:
+        with services.database.read() as session:
+            form = fill_form(regrades.get(session, like, who.course))
+    return render_list(request, services, who, form=form)
 
 
 @router.post(PAGE)
@@ -50,7 +56,7 @@ def start(request: Request, services: AppServices, who: Instructor, form: Form) 
     try:
         regrade = regrades.create(services.database, services.library_for(who), who, parse_wanted(form))
     except CallerError as error:
-        return render_list(request, services, who, 409, trouble=str(error), what=form.get("what", ""))
+        return render_list(request, services, who, 409, trouble=str(error), form=form)
     return RedirectResponse(f"{PAGE}/{regrade.id}", 303)
 
 
@@ -63,12 +69,14 @@ def show(
     with services.database.read() as session:
         regrade = regrades.get(session, regrade_id, who.course)
         shown = regrades.describe_regrade(regrade, stored.count_by_outcome(session, regrade))
-        page_of = regrades.read_page(session, regrade.id, after, ROWS + 1, changed=changed)
+        page_of = regrades.read_page(session, regrade, after, ROWS + 1, changed=changed)
         rows = blinded_differences(services.desk_of(who.course), session, who, regrade.quiz, page_of)
         marks = make_marks(session, who.course)
+    titles = list_titles(services.library_for(who))
     more: dict[str, Any] = {
         "marks": marks,
-        "title": list_titles(services.library_for(who)).get((regrade.quiz, regrade.question or ""), ""),
+        "title": titles.get((regrade.quiz, regrade.question or ""), ""),
+        "is_asked": any(quiz == regrade.quiz and regrade.question in (None, question) for quiz, question in titles),
         "following": rows[ROWS - 1]["place"] if len(rows) > ROWS else None,
         "running": regrade.status in UNFINISHED,
     }
@@ -96,8 +104,20 @@ def apply(request: Request, regrade_id: str, services: AppServices, who: Instruc
     return RedirectResponse(f"{PAGE}/{regrade.id}", 303)
 
 
-def render_list(request: Request, services: Services, who: Identity, status: int = 200, **more: Any) -> Response:
-    """Renders the page with the form and the list."""
+def fill_form(regrade: Regrade) -> dict[str, str]:
+    """Returns the fields of the form that starts a regrade of the same scope."""
+    wanted = regrades.restore_wanted(regrade)
+    what = wanted.quiz if wanted.question is None else f"{wanted.quiz}/{wanted.question}"
+    if isinstance(wanted.scope, str):
+        return {"what": what, "scope": wanted.scope}
+    return {"what": what, "scope": NAMED, "ids": "\n".join(wanted.scope)}
+
+
+def render_list(
+    request: Request, services: Services, who: Identity, status: int = 200, *, trouble: str = "",
+    form: Mapping[str, str] | None = None,
+) -> Response:  # fmt: skip
+    """Renders the page with the form, filled in with the fields of `form`, and the list."""
     with services.database.read() as session:
         rows = stored.page(session, who.course, None, SHOWN)
         listed = [regrades.describe_regrade(regrade, stored.count_by_outcome(session, regrade)) for regrade in rows]
@@ -110,7 +130,7 @@ def render_list(request: Request, services: Services, who: Identity, status: int
         "titles": list_titles(library),
         "regrades": listed,
     }
-    return page(request, "regrades.html", status, who=who, **shown, **more)
+    return page(request, "regrades.html", status, who=who, trouble=trouble, form=form or {}, **shown)
 
 
 def parse_wanted(form: dict[str, str]) -> RegradeRequest:
