@@ -9,6 +9,7 @@ import pytest
 
 from grader.library import load
 from grader.library.changes import ADDED, CHANGED, REMOVED, Change, list_changes
+from grader.library.edits import list_edits
 
 XML = "<mujoco><worldbody><body><joint name='{}'/><geom size='.1'/></body></worldbody></mujoco>"
 NUMBER: dict[str, Any] = {"kind": "numeric", "id": "n", "q": "How much?", "answer": 1.0}
@@ -98,6 +99,49 @@ def test_what_differs_is_told_with_the_old_and_the_new(write: Write) -> None:
     assert edits["s"]["check › cases › a › steps"] == ("2", "3")
     assert edits["s"]["starter"] == ("def f(): ...", "def f(): pass")
     assert "name='j'" in edits["s"]["models › one"][0] and "name='k'" in edits["s"]["models › one"][1]
+
+
+SEVEN = ["Newton", "Euler", "RK4", "Verlet", "Heun", "Adams", "Gear"]
+MULTIPLE = {"kind": "multiple", "id": "c", "q": "Which?", "options": SEVEN, "answer": [0, 1]}
+MOVED = "the order has changed, the entries are the same: no. "
+BACK = f"{MOVED}1 to 7 were no. 7, 6, 5, 4, 3, 2, 1 before"
+SAME, OTHER = ("answer", "", "the same texts are right"), ("answer", "", "other texts are right")
+ORDERED = {"kind": "order", "id": "c", "q": "Order them.", "items": SEVEN}
+PAIRS = [["a", "1"], ["b", "2"], ["c", "3"]]
+MATCHED = {"kind": "match", "id": "c", "q": "Match them.", "pairs": PAIRS}
+
+
+@pytest.mark.parametrize(
+    ("question", "changes", "edits"),
+    [
+        (MULTIPLE, {"options": SEVEN[::-1], "answer": [6, 5]}, [("options", "", BACK), SAME]),
+        (MULTIPLE, {"options": SEVEN[::-1], "answer": [6, 4]}, [
+            ("options", "", BACK), OTHER, ("answer › no. 1", "0, “Newton”", "6, “Newton”"),
+            ("answer › no. 2", "1, “Euler”", "4, “RK4”")]),
+        (CHOICE, {"options": ["b", "a"]}, [("options", "", f"{MOVED}1 to 2 were no. 2, 1 before"), OTHER,
+                                           ("answer", "0, “a”", "0, “b”")]),
+        ({**CHOICE, "whys": ["Yes.", "No."]}, {"options": ["b", "a"], "answer": 1, "whys": ["No.", "Yes."]}, [
+            ("options", "", f"{MOVED}1 to 2 were no. 2, 1 before"), SAME,
+            ("whys", "", f"{MOVED}1 to 2 were no. 2, 1 before")]),
+        (ORDERED, {"items": [*SEVEN[:2], SEVEN[3], SEVEN[2], *SEVEN[4:]]}, [
+            ("items", "", f"{MOVED}3 to 4 were no. 4, 3 before")]),
+        (MATCHED, {"pairs": PAIRS[::-1]}, [("pairs", "", f"{MOVED}1 to 3 were no. 3, 2, 1 before")]),
+    ],
+)  # fmt: skip
+def test_lists_of_the_same_entries_are_told_by_their_order(
+    write: Write, question: dict[str, Any], changes: dict[str, Any], edits: list[tuple[str, str, str]]
+) -> None:
+    old, new = ({**QUIZ, "questions": [part]} for part in (question, question | changes))
+    (change,) = list_changes(load(write("one", old)), load(write("two", new)))
+    assert sorted(change.edits) == sorted(edits)
+
+
+def test_numbers_at_other_places_are_other_values() -> None:
+    assert [edit.new for edit in list_edits([1, 0, 0, 2], [2, 0, 0, 1])] == ["2", "1"]
+    assert list(list_edits(["a"], ["a"])) == []
+    assert [edit.new for edit in list_edits(["a", "b", "a"], ["b", "a", "a"])] == [
+        f"{MOVED}1 to 2 were no. 2, 1 before"
+    ]
 
 
 def test_of_drawn_numbers_the_names_are_compared(write: Write) -> None:

@@ -576,6 +576,18 @@ def test_results_keep_the_points_that_they_are_out_of_until_a_regrade(alone: Sit
     assert "The points of length" not in words(page(tina, DRAFT))
 
 
+def test_a_draft_says_that_the_same_options_stand_in_another_order(alone: Site) -> None:
+    tina = browser(alone, "tina", "instructor")
+    which, why = GRADED["questions"]
+    turned = {**which, "options": ["b", "a"], "answer": 0}
+    (alone.settings.content / "quizzes" / "2-graded.json").write_text(
+        json.dumps({**GRADED, "questions": [turned, why]})
+    )
+    text = words(page(tina, DRAFT))
+    assert "which › options: the order has changed, the entries are the same: no. 1 to 2 were no. 2, 1 before" in text
+    assert "which › answer: the same texts are right" in text and "before: " not in text
+
+
 @pytest.mark.parametrize(
     ("by_maximum", "told"),
     [

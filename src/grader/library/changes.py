@@ -6,13 +6,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from grader.library.checking.semantics import list_named_models
-from grader.library.edits import Edit, join_path, list_edits
+from grader.library.edits import Edit, is_reordered, join_path, list_edits
 from grader.library.lesson_text import Heading, LessonText, Placement
 from grader.library.snapshot import Library
 from grader.questions import Question, Quiz, kind_of
 
 ADDED, REMOVED, CHANGED = "added", "removed", "changed"
 ORDER = "order of the questions"
+SAME_RIGHT = "the same texts are right"
+OTHER_RIGHT = "other texts are right"
 
 SILENT = frozenset({"q", "title", "label", "explain", "whys", "reference", "sim", "starter"})
 """Keys of a question whose change alters no verdict: texts, and what is shown beside them."""
@@ -103,10 +105,8 @@ def _compare_parts(
         was, now = _dump_part(old), _dump_part(part)
         keys, files = _differing(was, now), tuple(_differing_files(old, part, before, after))
         if keys or files:
-            olds_shown, shown = (
-                {key: _show_options(one, dump, key) for key in keys} for one, dump in ((old, was), (part, now))
-            )
-            edits = (*list_edits(olds_shown, shown), *(edit for _, some in files for edit in some))
+            own = _list_own_edits((old, was), (part, now), keys)
+            edits = (*own, *(edit for _, some in files for edit in some))
             yield Change(quiz, part.id, CHANGED, (*keys, *(key for key, _ in files)), is_question, edits=edits)
     yield from (Change(quiz, part, REMOVED, is_question=is_question) for part in known)
 
@@ -123,12 +123,37 @@ def _dump_part(part: Any) -> dict[str, Any]:
     return dump | (json.loads(template) if template else {})
 
 
+def _list_own_edits(
+    old: tuple[Any, Mapping[str, Any]], new: tuple[Any, Mapping[str, Any]], keys: Sequence[str]
+) -> Iterator[Edit]:
+    """Yields what differs in the keys of a question or lab, given with what its author says of it. Where options have
+    changed places, it is said whether those that are right are the same, as an unchanged `answer` names others then."""
+    (_, was), (_, now) = old, new
+    rights, rights_now = _list_right(old[0]), _list_right(new[0])
+    is_moved = bool(rights) and is_reordered(was.get("options"), now.get("options"))
+    for key in keys if "answer" in keys or not is_moved else (*keys, "answer"):
+        before, after = _show_options(*old, key), _show_options(*new, key)
+        if key == "answer" and is_moved:
+            yield Edit(key, "", SAME_RIGHT if rights == rights_now else OTHER_RIGHT)
+            if rights == rights_now:
+                continue
+        yield from list_edits(before, after, key)
+
+
+def _list_right(part: Any) -> list[str]:
+    """Returns the texts of the right options of a question, in an order that tells nothing; none of a lab."""
+    options = kind_of(part).options(part) if isinstance(part, Question) else ()
+    return sorted(option.text for option in options if option.is_right)
+
+
 def _show_options(part: Any, dump: Mapping[str, Any], key: str) -> Any:
-    """Returns a value of a question; a key that names one of its options with the option's text."""
+    """Returns a value of a question; a key that names options with their texts."""
     value = dump.get(key)
     options = kind_of(part).options(part) if key == "answer" and isinstance(part, Question) else ()
     if isinstance(value, int) and value < len(options):
         return f"{value}, “{options[value].text}”"
+    if isinstance(value, list) and all(isinstance(index, int) and index < len(options) for index in value):
+        return [f"{index}, “{options[index].text}”" for index in value]
     return value
 
 

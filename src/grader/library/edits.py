@@ -19,7 +19,7 @@ LENGTH_MAX = 400
 
 class Edit(NamedTuple):
     """A value that differs: the author's keys that lead to it, such as `check › cases › heavy › mass`, the old and the
-    new. Of long texts only the part that differs is shown."""
+    new. Of long texts only the part that differs is shown. Where `old` is empty, `new` is a sentence on the value."""
 
     path: str
     old: str
@@ -50,12 +50,36 @@ def _list_items(olds: Sequence[Any], news: Sequence[Any], path: str) -> Iterator
         if named.keys() == named_now.keys() and [*named] != [*named_now]:
             yield Edit(join_path(path, "order"), ", ".join(named), ", ".join(named_now))
         return
+    if is_reordered(olds, news):
+        yield Edit(path, "", _describe_order(olds, news))
+        return
     before, after = ([json.dumps(value) for value in some] for some in (olds, news))
     for tag, start, end, start_now, end_now in SequenceMatcher(None, before, after, autojunk=False).get_opcodes():
         if tag != "equal":
             pairs = zip_longest(olds[start:end], news[start_now:end_now])
             for place, (old, new) in enumerate(pairs, 1 + (start if tag == "delete" else start_now)):
                 yield from list_edits(old, new, join_path(path, f"no. {place}"))
+
+
+def is_reordered(olds: Any, news: Any) -> bool:
+    """Whether two lists hold the same values in another order. Numbers are values at their places, such as those of a
+    vector, and have no order of their own."""
+    if not (isinstance(olds, list | tuple) and isinstance(news, list | tuple)) or olds == news:
+        return False
+    before, after = (sorted(map(json.dumps, some)) for some in (olds, news))
+    return before == after and not any(isinstance(value, int | float) for value in olds)
+
+
+def _describe_order(olds: Sequence[Any], news: Sequence[Any]) -> str:
+    """Says at which places the values of a list were before, from the first to the last that has moved."""
+    places: dict[str, list[int]] = {}
+    for place, value in enumerate(olds, 1):
+        places.setdefault(json.dumps(value), []).append(place)
+    earlier = [places[json.dumps(value)].pop(0) for value in news]
+    moved = [place for place, before in enumerate(earlier, 1) if place != before]
+    first, last = moved[0], moved[-1]
+    was = ", ".join(map(str, earlier[first - 1 : last]))
+    return f"the order has changed, the entries are the same: no. {first} to {last} were no. {was} before"
 
 
 def _name_items(items: Sequence[Any]) -> dict[str, Any] | None:
