@@ -105,6 +105,24 @@ def the_result(database: Database, key: LearnerAt) -> Result | None:
         return results.find(session, key)
 
 
+def test_an_average_is_out_of_the_average_of_what_its_attempts_were_out_of(
+    database: Database, library: Library, course: str
+) -> None:
+    key = LearnerAt(course, "ann", "average", "q1")
+    hand_in(database, library, key, a_verdict(Status.CORRECT, 10))
+    small = a_verdict(Status.CORRECT, 4).model_copy(update={"max_points": 4.0})
+    hand_in(database, library, key, small)
+    result = the_result(database, key)
+    assert result is not None
+    assert (result.points, result.max_points) == (7, 7)
+    best = LearnerAt(course, "ann", "best", "q1")
+    for verdict in (a_verdict(Status.CORRECT, 10), small):
+        hand_in(database, library, best, verdict)
+    result = the_result(database, best)
+    assert result is not None
+    assert (result.points, result.max_points) == (10, 10)
+
+
 def test_a_result_is_revised_where_what_counts_changes(database: Database, library: Library, course: str) -> None:
     key = LearnerAt(course, "ann", "best", "q1")
     first = hand_in(database, library, key, a_verdict(Status.PARTIAL, 4, "A slip."))

@@ -1,6 +1,7 @@
 """Keeps the results: what counts for each learner at each question, in the transaction of every verdict."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -13,7 +14,7 @@ from grader.courses.people.identity import Identity
 from grader.courses.rules.policy import NO_EXTENSION, Attempt, count_points, policy_in_force
 from grader.courses.sending import outbox
 from grader.domain.policy import LATE_UNTIL, Extension, Policy
-from grader.domain.verdict import Status, Verdict
+from grader.domain.verdict import POINT_DIGITS, Status, Verdict
 from grader.errors import Unprocessable
 from grader.library import Library
 from grader.store import extensions, policies, results, submissions
@@ -250,10 +251,21 @@ def count_attempts(
         counts = {"submission_id": source.id, "attempt": source.number}
     return counts | {
         "points": total.points,
-        "max_points": worth.get(counts["submission_id"]) or (before["max_points"] if before is not None else 0.0),
+        "max_points": find_maximum(total.sources, worth)
+        or worth.get(counts["submission_id"])
+        or (before["max_points"] if before is not None else 0.0),
         "is_late": total.is_late,
         "is_final": total.is_final,
     }
+
+
+def find_maximum(sources: Sequence[Attempt], worth: Mapping[str, float]) -> float | None:
+    """What an average over attempts is out of, where the question had other points at some of them: the average of
+    theirs, as that of the newest could be less than the points. None where they agree."""
+    maxima = [worth[source.id] for source in sources if source.id in worth]
+    if len(maxima) < len(sources) or len({*maxima}) < 2:
+        return None
+    return round(math.fsum(maxima) / len(maxima), POINT_DIGITS)
 
 
 def describe_first_answer(status: Status, evidence: Mapping[str, Any]) -> dict[str, Any]:
