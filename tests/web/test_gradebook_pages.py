@@ -68,6 +68,24 @@ def test_results_of_a_question_that_the_quiz_has_lost_do_not_count(content: Path
         assert story.count("not counted") == 1
 
 
+def test_points_are_never_more_than_what_they_are_out_of(content: Path, tmp_path: Path) -> None:
+    first, *others = QUIZ["questions"]
+    write_quiz(content, questions=[first | {"points": 5}])
+    write_quiz(content, "other", questions=others)
+    with open_site(Settings(content=content, data=tmp_path / "data", workers=0)) as site:
+        tina = browser(site, "tina", "instructor")
+        answer(site.client("ann"), "q1", 1)
+        of_others = sum(question.get("points", 1) for question in others)
+        write_quiz(content, questions=[first | {"points": 3}])
+        assert tina.post(f"{API}/content:reload").status_code == 200
+        answer(site.client("bob"), "q1", 1)
+        text = words(page(tina, f"{BOOK}?quiz=small"))
+        assert "Points of 3" in text and "1 5 of 5" in text and text.count(" of 5") == text.count("5 of 5")
+        book = page(tina, BOOK)
+        assert 'title="5 of 5, 1 of 1 answered"' in book and 'title="3 of 3, 1 of 1 answered"' in book
+        assert f"1 5 of {5 + of_others}" in words(book) and f"1 3 of {3 + of_others}" not in words(book)
+
+
 @pytest.mark.parametrize("counts", ["best", "average"])
 def test_a_late_right_answer_is_correct_with_the_points_that_count(content: Path, tmp_path: Path, counts: str) -> None:
     """An average over a wrong and a right answer is partly correct."""

@@ -76,13 +76,14 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True)
 class GradebookRow:
-    """A learner with a cell for every column, the number of results, and the points."""
+    """A learner with a cell for every column, the number of results, and the points with what they are out of."""
 
     learner: str
     name: str
     cells: Sequence[ResultCell | QuizCell]
     answered: int
     points: float
+    of: float
 
 
 Name = Annotated[str, Query(max_length=64)]
@@ -168,16 +169,41 @@ def list_rows(
         return [make_row(learner, name, theirs[learner], quizzes[0], unseen, right=right) for learner, name in ranked]
     sums = results.sums_of_learners(session, ranking, learners)
     hidden = {(at.learner, at.quiz) for at in unseen if at.question in asked.get(at.quiz, ())}
-    return [sum_row(learner, name, sums[learner], quizzes, hidden) for learner, name in ranked]
+    maxima = read_maxima(session, who.course, quizzes, sums)
+    return [sum_row(learner, name, sums[learner], quizzes, hidden, maxima=maxima) for learner, name in ranked]
+
+
+def read_maxima(
+    session: Session, course: str, quizzes: Sequence[Quiz], sums: Mapping[str, Mapping[str, QuizSum]]
+) -> dict[tuple[str, str], float]:
+    """Returns what sums are out of, by learner and quiz, at the quizzes where one is more than its questions have now:
+    they had more points before. To read the maxima of all results would take as long as to read the results."""
+    maxima: dict[tuple[str, str], float] = {}
+    for quiz in quizzes:
+        worth = sum_points(quiz) + POINTS_EQUAL
+        learners = [learner for learner, own in sums.items() if quiz.id in own and own[quiz.id].points > worth]
+        if learners:
+            theirs = results.find_of_learners(session, course, quiz.id, learners)
+            maxima |= {(learner, quiz.id): sum_maxima(quiz, theirs[learner]) for learner in learners}
+    return maxima
+
+
+def sum_maxima(quiz: Quiz, theirs: Sequence[Any]) -> float:
+    """Returns what a learner's results are out of, with the points of the questions that have none of theirs yet."""
+    at = {result.question: result.max_points for result in theirs if result.is_final or result.points}
+    return math.fsum(at.get(question.id, question.points) for question in quiz.questions)
 
 
 def sum_row(
-    learner: str, name: str, theirs: Mapping[str, QuizSum], quizzes: Sequence[Quiz], hidden: Collection[tuple[str, str]]
-) -> GradebookRow:
-    """A learner with the sum of each quiz. Where a first mark is `hidden`, by learner and quiz, an answer waits."""
+    learner: str, name: str, theirs: Mapping[str, QuizSum], quizzes: Sequence[Quiz],
+    hidden: Collection[tuple[str, str]], *, maxima: Mapping[tuple[str, str], float],
+) -> GradebookRow:  # fmt: skip
+    """A learner with the sum of each quiz. Where a first mark is `hidden`, by learner and quiz, an answer waits.
+    `maxima` has what a sum is out of where that is not what the questions have now."""
+    worth = {quiz.id: maxima.get((learner, quiz.id)) or sum_points(quiz) for quiz in quizzes}
     cells = [
         QuizCell(
-            own.points, own.answered, own.waits or (learner, quiz.id) in hidden, sum_points(quiz), len(quiz.questions)
+            own.points, own.answered, own.waits or (learner, quiz.id) in hidden, worth[quiz.id], len(quiz.questions)
         )
         if (own := theirs.get(quiz.id))
         else EMPTY
@@ -185,7 +211,7 @@ def sum_row(
     ]
     several = theirs.values()
     points, answered = math.fsum(total.points for total in several), sum(total.answered for total in several)
-    return GradebookRow(learner, name, cells, answered, points)
+    return GradebookRow(learner, name, cells, answered, points, math.fsum(worth.values()))
 
 
 def make_row(
@@ -198,7 +224,7 @@ def make_row(
     counted = [result for result in own if result is not None]
     points = math.fsum(result.points for result in counted if not is_in(unseen, result))
     cells = [EMPTY if result is None else make_cell(result, unseen, right) for result in own]
-    return GradebookRow(learner, name, cells, len(counted), points)
+    return GradebookRow(learner, name, cells, len(counted), points, sum_maxima(quiz, counted))
 
 
 def make_cell(result: Any, unseen: Collection[LearnerAt], right: Collection[LearnerAt]) -> ResultCell:
