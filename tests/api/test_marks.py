@@ -410,6 +410,23 @@ def test_nobody_but_the_first_reviewer_sees_the_first_mark_before_the_second(sit
     assert told(tom) == [True] * 3
 
 
+@pytest.mark.parametrize(("by", "form"), [("question", "generic"), ("quiz", "generic"), ("quiz", "canvas")])
+def test_a_sum_without_a_first_mark_that_is_unseen_is_an_empty_cell(site: Site, by: str, form: str) -> None:
+    ann = site.client("ann")
+    tina, tom = site.client("tina", "instructor"), site.client("tom", "instructor")
+    decide(tina, hand_in(ann, "twice")["id"], points=3)
+
+    def cells(client: httpx.Client, quiz: str) -> list[str]:
+        path = f"{API}/gradebook.csv?quiz={quiz}&by={by}&format={form}"
+        [row] = [line for line in client.get(path).text.splitlines() if line.startswith("ann")]
+        return row.split(",")[3 if form == "generic" else 5 :]
+
+    assert cells(tina, "twice")[:2] == ["3", "3"][: len(cells(tina, "twice"))]
+    assert cells(tom, "twice")[:2] == ["", ""][: len(cells(tom, "twice"))]
+    hand_in(ann, "essay")
+    assert cells(tom, "essay") == cells(tina, "essay")
+
+
 def test_a_regrade_tells_no_first_mark_that_is_unseen(site: Site) -> None:
     ann, tina = site.client("ann"), site.client("tina", "instructor")
     made = hand_in(ann, "twice")["id"]

@@ -54,8 +54,8 @@ def export_gradebook(
 
     Then one without points for each who has not begun, if more than a browser session knows them. In the generic form
     `user` is the learner's name, which several may bear, and `id` tells them apart; for Canvas a mark follows the name.
-    An instructor who must not see a first mark yet gets an empty cell in its place. With `by=quiz` a column has the sum
-    of a quiz.
+    An instructor who must not see a first mark yet gets an empty cell in its place, and in that of sums. With `by=quiz`
+    a column has the sum of a quiz.
     """
     library = services.content.get(who.course).library
     quizzes = list(library.quizzes.values()) if quiz is None else [library.quiz(quiz)]
@@ -101,9 +101,11 @@ def quiz_columns(quizzes: Sequence[Quiz]) -> list[Column]:
 
 
 def sum_up(row: LearnerRow, quizzes: Sequence[Quiz]) -> LearnerRow:
-    """The row with a sum for each quiz; none where no question of it has points yet."""
+    """The row with a sum for each quiz; none where no question of it has points yet, or one that is hidden."""
     sums = {}
     for quiz in quizzes:
+        if quiz.id in row.hidden:
+            continue
         known = [row.points.get((quiz.id, question.id)) for question in quiz.questions]
         if any(points is not None for points in known):
             sums[quiz.id, ""] = math.fsum(filter(None, known))
@@ -122,7 +124,7 @@ def read_rows(
 ) -> list[LearnerRow]:  # fmt: skip
     """Reads the row of each learner with results, by name, without instructors' own tries and `unseen` marks."""
     hidden: dict[str, set[tuple[str, str]]] = defaultdict(set)
-    for place in unseen:
+    for place in (place for place in unseen if place.quiz in quizzes):
         hidden[place.learner].add((place.quiz, place.question))
     rows = []
     for learner, group in groupby(results.points_by_learner(session, course, quizzes), key=itemgetter(0)):
@@ -135,7 +137,8 @@ def read_rows(
             points = {
                 place: value for of in each for place, value in of.items() if place not in hidden.get(learner, ())
             }
-        rows.append(build_row(learner, first, points, marks))
+        row = build_row(learner, first, points, marks)
+        rows.append(row._replace(hidden=frozenset(quiz for quiz, _ in hidden[learner])) if learner in hidden else row)
     return sorted(rows, key=attrgetter("user", "id"))
 
 

@@ -52,7 +52,8 @@ class LearnerRow(NamedTuple):
     name, which several may bear; `id` tells them apart and never changes. `mark` follows a name that another bears too:
     without one Canvas gives the points of both to the first whom it finds by name. `login` is the name that an
     instructor gave first. A name that learners chose themselves is left out: in an LMS it may be the login of another
-    person. `lms_id` is the learner's number in Canvas."""
+    person. `lms_id` is the learner's number in Canvas. `hidden` are quizzes with a mark that the reader must not see
+    yet: they have no sum."""
 
     user: str
     login: str = ""
@@ -63,6 +64,7 @@ class LearnerRow(NamedTuple):
     sis_id: str = ""
     points: Mapping[tuple[str, str], float] = MappingProxyType({})
     mark: str = ""
+    hidden: frozenset[str] = frozenset()
 
 
 LEARNER: Mapping[Form, Mapping[str, Callable[[LearnerRow], str]]] = {
@@ -124,7 +126,8 @@ def build_cells(rows: Iterable[LearnerRow], columns: Sequence[Column], form: For
     keys, learner = [(column.quiz, column.question) for column in columns], list(LEARNER[form].values())
     for row in rows:
         points = list(map(row.points.get, keys))
-        total = [number(math.fsum(filter(None, points))), full] if form is Form.GENERIC else []
+        summed = None if row.hidden else math.fsum(filter(None, points))
+        total = [number(summed), full] if form is Form.GENERIC else []
         yield [*(guard(cell(row)) for cell in learner), *map(number, points, repeat(DIGITS[form])), *total]
 
 
