@@ -178,6 +178,45 @@ def test_a_removed_member_is_out_at_once_and_the_answers_stay(either_site: Site,
     assert teacher.delete(f"{API}/members/{me['id']}").status_code == 409
 
 
+def test_a_name_that_an_instructor_gave_is_given_to_nobody_else(either_site: Site, teacher: httpx.Client) -> None:
+    def rename(member: str, name: str | None) -> httpx.Response:
+        return teacher.patch(f"{API}/members/{member}", json={"name": name})
+
+    ada, eve, bob = (made["member"] for made in invite(teacher, names=["Ada Lovelace", "Eve", "Bob"]))
+    refused = rename(eve, " Ada Lovelace ")
+    assert refused.status_code == 409
+    assert f"'Ada Lovelace' was given to Ada Lovelace ({ada}) before" in refused.json()["detail"]
+    assert {one["name"]: one["named_by"] for one in items(teacher, "/members")}["Eve"] is None
+    assert rename(ada, "Ada Lovelace").status_code == 200
+    assert rename(ada, "Ada King").status_code == 200
+    refused = rename(eve, "Ada Lovelace")  # an invitation of this name is still Ada King's
+    assert (refused.status_code, f"to Ada King ({ada})" in refused.json()["detail"]) == (409, True)
+    assert rename(ada, "Ada Lovelace").status_code == 200
+    assert teacher.delete(f"{API}/members/{bob}").status_code == 204
+    assert rename(eve, "Bob").status_code == 200
+
+
+def test_a_name_that_an_instructor_set_is_not_said_to_come_from_elsewhere(
+    either_site: Site, teacher: httpx.Client
+) -> None:
+    def refuse(name: str) -> str:
+        response = teacher.post(f"{API}/invitations", json={"names": [name]})
+        assert response.status_code == 409
+        detail: str = response.json()["detail"]
+        return detail.partition(":")[0]
+
+    [ivo] = invite(teacher, names=["Ivo"])
+    teacher.patch(f"{API}/members/{ivo['member']}", json={"name": "Ivo Mueller"})
+    assert refuse("Ivo Mueller") == "1 member has the name 'Ivo Mueller' already, set by an instructor"
+    roster = "name,external_id\nIvo Mueller,7\nHana,8\n"
+    teacher.post(f"{API}/roster:import", content=roster, headers={"Content-Type": "text/csv"})
+    elsewhere = "from a roster, a platform or another sign-in"
+    assert (
+        refuse("Ivo Mueller") == f"2 members have the name 'Ivo Mueller' already, set by an instructor or {elsewhere}"
+    )
+    assert refuse("Hana") == f"1 member has the name 'Hana' already, {elsewhere}"
+
+
 def test_a_student_is_made_an_instructor_by_a_new_link(either_site: Site, teacher: httpx.Client) -> None:
     [ada] = invite(teacher, names=["ada"])
     browser = follow(either_site, ada["url"])

@@ -105,12 +105,26 @@ def find_meant(session: Session, name: str, course: str) -> Member | None:
         return member
     if bearers := [bearer for bearer in people.list_bearers(session, course, name) if bearer.account is not None]:
         have = "1 member has" if len(bearers) == 1 else f"{len(bearers)} members have"
+        given = "set by an instructor" if any(map(is_named_here, bearers)) else ""
+        told = "" if all(map(is_named_here, bearers)) else "from a roster, a platform or another sign-in"
         ids = ", ".join(bearer.id for bearer in bearers)
         raise Conflict(
-            f"{have} the name {name!r} already, from a roster, a platform or another sign-in: give an id in its place, "
+            f"{have} the name {name!r} already, {' or '.join(filter(None, (given, told)))}: give an id in its place, "
             f"one of {ids}. For another person, write another name."
         )
     return None
+
+
+def first_name(member: Member) -> str:
+    """Returns the name under which an instructor or operator made a member; empty for others. A rename leaves it:
+    invitations, tokens and rosters find the member by it, and exports write it as the login."""
+    kind, _, name = (member.account or "").partition(":")
+    return name if kind == "name" else ""
+
+
+def is_named_here(member: Member) -> bool:
+    """Says whether an instructor or operator gave the member the name."""
+    return member.named_by is not None or bool(first_name(member))
 
 
 def get_with_account(session: Session, account: str, name: str, role: Role, course: str) -> Member:
@@ -176,17 +190,33 @@ def give_role(
 
 def set_name(session: Session, by: Identity, member_id: str, name: str | None) -> Member:
     """Gives a member a name that no platform and no roster changes; with None it follows them again. Raises NotFound,
-    Unprocessable, Forbidden, Unauthorized."""
+    Unprocessable, Forbidden, Unauthorized, and Conflict where an instructor or operator gave another the name."""
     require_credential(session, by)
     member = people.get(session, member_id, by.course)
     if member is None:
         raise NotFound("There is no such member.")
     require_reach(by, member.role)
-    member.named_by = None if name is None else by.user
     if name is not None:
-        rename(session, member, check_name("member", name.strip()))
+        name = check_name("member", name.strip())
+        require_free(session, member, name)
+        rename(session, member, name)
+    member.named_by = None if name is None else by.user
     record(session, by, member.course, Action.RENAMED, member.name, member=member.id, follows=name is None)
     return member
+
+
+def require_free(session: Session, member: Member, name: str) -> None:
+    """Raises Conflict if an instructor or operator gave this name to another member, who may be renamed since: an
+    invitation or a token for it is theirs."""
+    bearers = [bearer for bearer in people.list_bearers(session, member.course, name) if is_named_here(bearer)]
+    made = people.find_with_account(session, member.course, f"name:{name}")
+    if made is not None and made.removed_at is None:
+        bearers.append(made)
+    if other := next((bearer for bearer in bearers if bearer.id != member.id), None):
+        raise Conflict(
+            f"The name {name!r} was given to {other.name} ({other.id}) before: names that an instructor gives are "
+            "unique in a course. Write another one."
+        )
 
 
 def follow_name(session: Session, member: Member, name: str) -> None:
