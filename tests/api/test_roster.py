@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import re
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ ROSTER = (
     "=cmd|' /C calc'!A0,,student,-1\n"
 )
 COUNTS = {"dry_run": False, "created": 0, "changed": 0, "unchanged": 0, "left_out": 0}
-NOTHING = {**COUNTS, "reasons": [], "roles": []}
+NOTHING = {**COUNTS, "reasons": [], "roles": [], "namesakes": []}
 
 
 def send(client: httpx.Client, text: str | bytes, kind: str = "text/csv", **query: Any) -> httpx.Response:
@@ -88,6 +89,20 @@ def test_a_name_of_the_roster_makes_nobody_a_second_time(tina: httpx.Client) -> 
     assert tina.get(f"{API}/me", headers={"Authorization": f"Bearer {token}"}).json()["user"] == "Hana"
     assert set(members(tina)) == {"tina", "Hana", "Ivo"}
     assert tina.post(f"{API}/tokens", json={"user": "tina", "role": "instructor"}).status_code == 201
+
+
+def test_a_roster_names_members_of_its_names_whom_no_row_finds(tina: httpx.Client) -> None:
+    """Who was invited by name and comes with an id is a member twice."""
+    tina.post(f"{API}/invitations", json={"names": ["Ada Lovelace", "Bob", "Eve"]})
+    invited = members(tina)
+    tina.delete(f"{API}/members/{invited['Bob']['id']}")
+    twice = {"namesakes": [{"id": invited["Ada Lovelace"]["id"], "name": "Ada Lovelace"}]}
+    assert send(tina, ROSTER, dry_run=True).json() == {**NOTHING, "dry_run": True, "created": 4, **twice}
+    assert send(tina, ROSTER).json() == {**NOTHING, "created": 4, **twice}
+    assert send(tina, ROSTER).json() == {**NOTHING, "unchanged": 4, **twice}
+    by_our_id = f"name,external_id\nEve,{invited['Eve']['id']}\n"
+    assert send(tina, by_our_id, namespace="grader").json() == {**NOTHING, "unchanged": 1}
+    assert send(tina, "name\nEve\n").json() == {**NOTHING, "unchanged": 1}
 
 
 def test_a_faulty_roster_changes_nothing_and_names_each_cell(tina: httpx.Client) -> None:
@@ -214,6 +229,9 @@ def test_a_roster_leaves_an_instructor_and_names_whose_role_changes(tmp_path: Pa
     ]
     assert "the role of boss changed: instructor -> student" in run(swapped)
     assert run("name,role\nAda,student\nEve,instructor\n").startswith("1 created, 1 changed")
+    created, remark = run("name,external_id\nEve,s5\n", "--dry-run").splitlines()
+    assert created == "1 would be created, 0 would be changed, 0 unchanged"
+    assert re.fullmatch(r"no row finds the member Eve \([0-9a-f]{32}\), who may be .*", remark)
 
 
 def test_a_course_that_nobody_has_is_told_and_not_exported(tmp_path: Path) -> None:

@@ -138,6 +138,8 @@ def import_roster(
     print(f"{done.created} {would}created, {done.changed} {would}changed, {done.unchanged} unchanged{left_out}")
     for change in done.roles:
         print(f"the role of {change.name} {would}changed: {change.before} -> {change.after}")
+    for namesake in done.namesakes:
+        print(f"no row finds the member {namesake.name} ({namesake.id}), who may be the person of this name twice")
     for reason in done.reasons:
         print(f"{reason.people} left out: {reason.why}")
 

@@ -43,9 +43,17 @@ class LeftOutView(ResponseBody):
     people: int
 
 
+class NamesakeView(ResponseBody):
+    """A member who bears a name of a roster, and is found by none of its rows."""
+
+    id: str
+    name: str
+
+
 class EnrolledView(ResponseBody):
     """What a roster came to, in members. `left_out` are people whom the file or the caller's rights exclude, for
-    `reasons`; `roles` are the members whose role changes."""
+    `reasons`; `roles` are the members whose role changes. `namesakes` may be people of the roster who came in by
+    another way, and are members twice."""
 
     dry_run: bool
     created: int
@@ -54,6 +62,7 @@ class EnrolledView(ResponseBody):
     left_out: int
     reasons: list[LeftOutView]
     roles: list[RoleChangeView]
+    namesakes: list[NamesakeView]
 
 
 @router.post(

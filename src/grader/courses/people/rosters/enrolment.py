@@ -45,9 +45,18 @@ class LeftOut:
 
 
 @dataclass(frozen=True)
+class Namesake:
+    """A member who bears a name of a roster, and is found by none of its rows."""
+
+    id: str
+    name: str
+
+
+@dataclass(frozen=True)
 class Enrolment:
     """What a roster comes to, in members. Those of a course who are not on it stay as they are. `left_out` are people
-    whom the file or the caller's rights exclude, for `reasons`; `roles` are the members whose role changes."""
+    whom the file or the caller's rights exclude, for `reasons`; `roles` are the members whose role changes.
+    `namesakes` may be people of the roster who came in by another way, and are members twice."""
 
     dry_run: bool
     created: int
@@ -56,6 +65,7 @@ class Enrolment:
     left_out: int
     reasons: Sequence[LeftOut] = ()
     roles: Sequence[RoleChange] = ()
+    namesakes: Sequence[Namesake] = ()
 
     def count(self) -> dict[str, Any]:
         """Returns the numbers by name, without anybody's name."""
@@ -70,6 +80,7 @@ class _Plan:
     unchanged: int = 0
     dismissed: list[Entry] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
+    namesakes: list[Member] = field(default_factory=list)
 
 
 def enrol(
@@ -105,6 +116,7 @@ def describe_plan(plan: _Plan, *, dry_run: bool) -> Enrolment:
             RoleChange(member.id, changes.get("name", member.name), member.role, changes["role"])
             for member, changes in plan.changed if "role" in changes
         ],
+        [Namesake(member.id, member.name) for member in plan.namesakes],
     )  # fmt: skip
 
 
@@ -115,8 +127,10 @@ def plan_changes(session: Session, by: Identity | None, course: str, roster: Ros
     by_account = {member.account: member for member in known if member.account is not None}
     by_id = {member.id: member for member in known}
     plan = _Plan(Counter(roster.left_out))
+    found: list[Member | None] = []
     for entry in roster.entries:
         member = by_account.get(entry.key) or by_id.get(entry.external.id if entry.external else "")
+        found.append(member)
         if not enters_anybody and is_beyond(entry, member):
             plan.left_out[BEYOND] += 1
         elif member is None:
@@ -131,7 +145,14 @@ def plan_changes(session: Session, by: Identity | None, course: str, roster: Ros
             plan.unchanged += 1
     if plan.dismissed and not plan.faults and not keeps_instructor(plan, known):
         plan.faults += [roster.fault(entry, "role", LAST) for entry in plan.dismissed]
+    plan.namesakes += list_namesakes(roster, known, found)
     return plan
+
+
+def list_namesakes(roster: Roster, known: Sequence[Member], found: Sequence[Member | None]) -> list[Member]:
+    """Returns the members who bear a name of the roster, and are not among those whom a row has found."""
+    names, ids = {entry.name for entry in roster.entries}, {member.id for member in found if member is not None}
+    return [member for member in known if member.name in names and member.id not in ids and member.removed_at is None]
 
 
 def keeps_instructor(plan: _Plan, known: Sequence[Member]) -> bool:
