@@ -43,6 +43,34 @@ def read_ends(client: httpx.Client, address: str) -> list[tuple[str, str, str]]:
     return [(row[0], row[-2], row[-1]) for row in words]
 
 
+def test_who_was_removed_is_marked_and_neither_sent_to_a_platform_nor_reviewed(content: Path, tmp_path: Path) -> None:
+    with open_site(Settings(content=content, data=tmp_path / "data", workers=0)) as site:
+        ids = {name: answer(site.client(name), "q4", f"{name} says.") for name in ("ann", "bob")}
+        tina = browser(site, "tina", "instructor")
+
+        def find(address: str) -> list[str]:
+            text = tina.get(address).text
+            return [name for name in ids if name in text]
+
+        def count_waiting() -> int:
+            return len(tina.get(f"{API}/reviews").json()["items"])
+
+        before = {form: tina.get(f"{API}/gradebook.csv?format={form}").headers["ETag"] for form in ("canvas", "moodle")}
+        assert count_waiting() == 2
+        assert tina.delete(f"{API}/members/{ids['bob']}").status_code == 204
+        for form, etag in before.items():
+            assert tina.get(f"{API}/gradebook.csv?format={form}", headers={"If-None-Match": etag}).status_code == 200
+            assert find(f"{API}/gradebook.csv?format={form}") == ["ann"]
+        assert find(f"{API}/gradebook.csv") == ["ann", "bob"]
+        assert count_waiting() == 1
+        for quiz in ("", "small"):
+            book = words(page(tina, f"{BOOK}?quiz={quiz}"))
+            assert "bob removed" in book
+            assert "ann removed" not in book
+        assert tina.post(f"{API}/invitations", json={"names": ["bob"]}).status_code == 201
+        assert count_waiting() == 2
+
+
 def test_results_of_a_question_that_the_quiz_has_lost_do_not_count(content: Path, tmp_path: Path) -> None:
     write_quiz(content, "other")
     with open_site(Settings(content=content, data=tmp_path / "data", workers=0)) as site:

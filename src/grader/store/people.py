@@ -17,6 +17,11 @@ def get(session: Session, member_id: str, course: str) -> Member | None:
     return session.scalar(wanted)
 
 
+def find(session: Session, member_id: str, course: str) -> Member | None:
+    """The member of this id in the course, also a removed one."""
+    return session.scalar(select(Member).where(Member.id == member_id, Member.course == course))
+
+
 def find_with_account(session: Session, course: str, account: str) -> Member | None:
     """The member with this account, also a removed one."""
     return session.scalar(select(Member).where(Member.course == course, Member.account == account))
@@ -28,6 +33,11 @@ def page(session: Session, course: str, after: str | None, limit: int) -> Sequen
     if after is not None:
         wanted = wanted.where(Member.id > after)
     return session.scalars(wanted.order_by(Member.id).limit(limit)).all()
+
+
+def list_removed(session: Session, course: str) -> set[str]:
+    """The ids of the members who were removed from a course."""
+    return set(session.scalars(select(Member.id).where(Member.course == course, Member.removed_at.is_not(None))))
 
 
 def sharing_email(session: Session, course: str, members: Sequence[Member]) -> dict[str, list[str]]:

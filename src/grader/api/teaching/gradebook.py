@@ -54,26 +54,29 @@ def export_gradebook(
 
     Then one without points for each who has not begun, if more than a browser session knows them. In the generic form
     `user` is the learner's name, which several may bear, and `id` tells them apart; for Canvas a mark follows the name.
-    An instructor who must not see a first mark yet gets an empty cell in its place, and in that of sums. With `by=quiz`
-    a column has the sum of a quiz.
+    Who was removed from the course is left out for Canvas and Moodle, which may not know them any more. An instructor
+    who must not see a first mark yet gets an empty cell in its place, and in that of sums. With `by=quiz` a column has
+    the sum of a quiz.
     """
     library = services.content.get(who.course).library
     quizzes = list(library.quizzes.values()) if quiz is None else [library.quiz(quiz)]
     columns = list_columns(quizzes) if by is Unit.QUESTION else quiz_columns(quizzes)
     ids = [quiz.id for quiz in quizzes]
     with services.database.read() as session:
-        instructors = results.list_instructors(session, who.course)
+        without = results.list_instructors(session, who.course)
+        if form is not Form.GENERIC:
+            without |= people.list_removed(session, who.course)
         state = results.read_state(session, who.course, ids)
         unseen = find_unseen(session, who).results
         marks = make_marks(session, who.course) if form is Form.CANVAS else {}
         absent = [
             build_row(member.id, member, {}, marks) for member in people.list_without_results(session, who.course, ids)
         ]
-        known_now = sorted(instructors), state, sorted(unseen), absent, sorted(marks)
+        known_now = sorted(without), state, sorted(unseen), absent, sorted(marks)
         etag = compute_etag(who.course, form, bom, columns, known_now)
         if is_unchanged(known, etag):
             return Response(status_code=304, headers={"ETag": etag})
-        present = read_rows(session, who.course, ids, instructors, unseen, marks=marks)
+        present = read_rows(session, who.course, ids, without, unseen, marks=marks)
         if by is Unit.QUIZ:
             present = [sum_up(row, quizzes) for row in present]
         body = "".join(gradebook_csv([*present, *absent], columns, form, bom=bom)).encode()
@@ -119,16 +122,16 @@ def write_title(quiz: Quiz, question: Question) -> str:
 
 
 def read_rows(
-    session: Session, course: str, quizzes: Sequence[str], instructors: Collection[str], unseen: Collection[LearnerAt],
+    session: Session, course: str, quizzes: Sequence[str], without: Collection[str], unseen: Collection[LearnerAt],
     *, marks: Mapping[str, str],
 ) -> list[LearnerRow]:  # fmt: skip
-    """Reads the row of each learner with results, by name, without instructors' own tries and `unseen` marks."""
+    """Reads the row of each learner with results, by name, but of those `without` a row, and without `unseen` marks."""
     hidden: dict[str, set[tuple[str, str]]] = defaultdict(set)
     for place in (place for place in unseen if place.quiz in quizzes):
         hidden[place.learner].add((place.quiz, place.question))
     rows = []
     for learner, group in groupby(results.points_by_learner(session, course, quizzes), key=itemgetter(0)):
-        if learner in instructors:
+        if learner in without:
             continue
         first, *others = group
         points = points_of(first[1], first[2])

@@ -32,7 +32,8 @@ class WaitingQuestion(NamedTuple):
 class Queue:
     """The submissions that wait for a first mark, or with `second_for` for a second one by this reviewer. A submission
     does not wait for a first mark while a newer attempt at its question replaces it, but in the quizzes `averaged`,
-    where all attempts count. `quizzes` are the only ones to look into, if not None."""
+    where all attempts count. None waits whose learner is removed from the course. `quizzes` are the only ones to look
+    into, if not None."""
 
     wanted: SubmissionFilter
     averaged: Collection[str]
@@ -41,12 +42,14 @@ class Queue:
 
     def conditions(self) -> list[ColumnElement[bool]]:
         """The queue as SQL conditions on submissions."""
-        conditions = self.wanted.conditions()
+        course = self.wanted.course
+        removed = select(Member.id).where(Member.course == course, Member.removed_at.is_not(None))
+        conditions = [*self.wanted.conditions(), Submission.learner.not_in(removed)]
         if self.second_for is None:
             conditions += [UNSETTLED, Submission.status == NEEDS_REVIEW, _counts(self.averaged)]
         else:
             # The course stands here too, so that the index of reviews finds the few that wait.
-            waiting = _first_marks(self.wanted.course, self.second_for)
+            waiting = _first_marks(course, self.second_for)
             conditions += [Submission.status == GRADED, Submission.id.in_(waiting)]
         if self.quizzes is not None:
             conditions.append(Submission.quiz.in_(self.quizzes))

@@ -109,7 +109,7 @@ def gradebook(
         averaged = services.desk_of(who.course).list_averaged(session, who.course)
         rows = list_rows(session, who, chosen, start, averaged, **shown, **order)
         absent = people.list_without_results(session, who.course, [entry.id for entry in chosen], find, ABSENT + 1)
-        marks = make_marks(session, who.course)
+        marks, removed = make_marks(session, who.course), people.list_removed(session, who.course)
     columns = list_questions(library, chosen[0]) if len(chosen) == 1 else list_quizzes(chosen)
     context: dict[str, Any] = {
         **shown,
@@ -126,6 +126,7 @@ def gradebook(
         "legend": LEGEND,
         "forms": FORMS,
         "marks": marks,
+        "removed": removed,
     }
     return page(request, "gradebook.html", who=who, **context)
 
