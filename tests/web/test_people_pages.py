@@ -89,6 +89,11 @@ def test_people_are_invited_promoted_and_removed_by_forms(site: Site, browser: C
     member.locator("summary", has_text="Remove").click()
     member.get_by_role("button", name="Remove from the course Ada").click()
     expect(member).to_have_count(0)
+    done = "Ada is removed. To bring them back, with their answers and points, invite “Ada” as instructor again."
+    expect(desk.locator(".notice[role=status]")).to_contain_text(done)
+    desk.get_by_role("link", name="Their answers").click()
+    expect(desk.locator(".page-head")).to_contain_text("removed from the course")
+    expect(desk.locator(".page-head")).to_contain_text("invite “Ada” as instructor again")
     guest.goto("/instructor")
     expect(guest.locator(".top")).not_to_contain_text("Ada")
     desk.goto(AUDIT)
@@ -115,6 +120,8 @@ def test_a_member_is_renamed_by_a_form(desk: Page) -> None:
         change(row)
         row.locator("summary", has_text="Rename").click()
         expect(row.get_by_text(told)).to_be_visible()
+        expect(row.get_by_text("still find them as “Eve”, which stays their login")).to_be_visible()
+        expect(desk.locator(".notice[role=status]")).to_contain_text("Evelyn is the name now.")
 
 
 def test_what_is_refused_is_shown_with_what_was_typed(desk: Page) -> None:
@@ -218,6 +225,7 @@ def test_members_are_found_by_name_address_and_role_and_stay_in_sight_after_a_ch
         page.get_by_role("button", name="Show", exact=True).click()
         expect(names).to_have_text([shown])
         expect(status).to_have_text("1 of 112 members")
+        expect(page.get_by_text("z.o@fjord.example")).to_have_count(int(shown.startswith("Z")))
     change(page.locator("[data-list=members] tr"))
     page.get_by_role("button", name="New link for Learner 0107").click()
     expect(page.get_by_label("Learner 0107", exact=True)).to_be_visible()

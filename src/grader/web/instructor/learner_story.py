@@ -20,7 +20,7 @@ from grader.store.submissions import SubmissionFilter
 from grader.web.frame.inputs import Instructor
 from grader.web.frame.rendering import page
 from grader.web.instructor.gradebook import EMPTY, ResultCell, is_in, make_cell
-from grader.web.instructor.people import describe_origin
+from grader.web.instructor.people import describe_origin, describe_return
 from grader.web.text.lessons import group_lessons
 from grader.web.text.questions import list_titles
 from grader.web.text.statuses import REPLACED, Badge
@@ -43,8 +43,9 @@ def story(
     with services.database.read() as session:
         wanted = SubmissionFilter(who.course, learner=learner)
         rows = submissions.page(session, wanted, before or None, ANSWERS + 1)
-        member = people.get(session, learner, who.course)
-        if member is None and not rows:
+        known = people.find(session, learner, who.course)
+        member = None if known is None or known.removed_at is not None else known
+        if known is None and not rows:
             raise NotFound("There is no such learner.")
         averaged = desk.list_averaged(session, who.course)
         seen = hide_names(desk, session, who, rows, submissions.read_verdicts(session, rows))
@@ -56,7 +57,7 @@ def story(
         marks = make_marks(session, who.course)
     given = [(row.quiz, row.question, None if row.id in seen.names else attempt) for row, attempt in shown]
     cells = {at: make_cell(result, unseen, right) for at, result in counts.items()}
-    name = member.name if member is not None else rows[0].user
+    name = known.name if known is not None else rows[0].user
     posed = services.library_for(Identity(learner, "", Role.STUDENT, who.course))
     parts = group_answers(posed, given, cells, averaged)
     following = rows[ANSWERS - 1].id if len(rows) > ANSWERS else None
@@ -70,6 +71,7 @@ def story(
         request, "learner.html", who=who, learner=learner, name=name, parts=parts, following=following,
         total=total, member=member, origin="" if member is None else describe_origin(member), marks=marks,
         lessons=group_lessons(desk.library),
+        way_back="" if known is None or member is not None else describe_return(known),
     )  # fmt: skip
 
 

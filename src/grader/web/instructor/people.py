@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 from grader.courses.people import invitations, tokens
 from grader.courses.people import members as rules
 from grader.courses.people.audit import Action
-from grader.courses.people.external import known_as
+from grader.courses.people.external import OWN, known_as
 from grader.courses.people.identity import Identity, Role, Scope
 from grader.courses.people.namesakes import make_marks
 from grader.courses.rules.csv_cells import guard, write_lines
@@ -26,6 +26,7 @@ from grader.store import courses, people, platforms
 from grader.store.courses import AuditEntry
 from grader.store.people import MemberFilter
 from grader.store.tables import ROW_ID_MAX, Credential, Member
+from grader.store.upkeep.erasure import PREFIX as ERASED
 from grader.web.frame.inputs import Form, Instructor, Visitor
 from grader.web.frame.rendering import PRIVATE, page
 from grader.web.learner.pages import show_sign_in
@@ -63,6 +64,14 @@ SUBJECTS = {
 ROLES = {"": "everyone", Role.STUDENT: "students", Role.INSTRUCTOR: "instructors", Role.SERVICE: "services"}
 """The roles by which members are shown."""
 
+SAID = {
+    "remove": "{name} is removed.",
+    "rename": "{name} is the name now.",
+    "student": "{name} is a student now. Make a new link for the next sign-in.",
+    "instructor": "{name} is an instructor now. Make a new link for the next sign-in.",
+}
+"""What is said after a change of a member, by the change."""
+
 router = page_router()
 
 
@@ -73,9 +82,9 @@ class Listing:
     wanted: MemberFilter = people.ALL_MEMBERS
     start: int = 0
 
-    def query(self, start: int) -> str:
-        """Returns the query of the page with these members, after the first `start`."""
-        query = {"find": self.wanted.find, "role": self.wanted.role, "start": start}
+    def query(self, start: int, **more: str) -> str:
+        """Returns the query of the page with these members, after the first `start`, and what `more` it is told."""
+        query = {"find": self.wanted.find, "role": self.wanted.role, "start": start, **more}
         encoded = urlencode({name: value for name, value in query.items() if value})
         return f"?{encoded}" if encoded else ""
 
@@ -98,20 +107,22 @@ Listed = Annotated[Listing, Depends(read_listing)]
 def show(
     request: Request, services: AppServices, who: Visitor, listed: Listed, *,
     before: Annotated[int | None, Query(ge=1, le=ROW_ID_MAX)] = None,
+    said: Annotated[str, Query(max_length=16)] = "", of: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:  # fmt: skip
     """A part of the people of a course: members, links, tokens, audit entries before a number; else how to sign in."""
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
     named = request.url.path.rpartition("/")[2]
     part: Part = next((candidate for candidate in PARTS if candidate == named), "members")
-    return render(request, services, who, part, listed=listed, before=before)
+    return render(request, services, who, part, listed=listed, before=before, said=said, of=of)
 
 
 def render(
     request: Request, services: Services, who: Identity, part: Part, status: int = 200, *,
-    listed: Listing = Listing(), before: int | None = None, **more: Any,
+    listed: Listing = Listing(), before: int | None = None, said: str = "", of: str = "", **more: Any,
 ) -> Response:  # fmt: skip
-    """Renders a part as it is now, with the outcome of a form: what was `typed`, `links` shown once, a `token`."""
+    """Renders a part as it is now, with the outcome of a form: what was `typed`, `links` shown once, a `token`; or
+    what is `said` of the change `of` a member."""
     with services.database.read() as session:
         members = people.list_by_name(session, who.course, listed.start, ROWS, listed.wanted)
         entries = courses.audit_page(session, who.course, before, ROWS + 1)
@@ -119,6 +130,7 @@ def render(
         context: dict[str, Any] = {
             "part": part,
             "members": list_members(session, who, members),
+            "changed": people.find(session, of, who.course) if said else None,
             "count": people.count(session, who.course, listed.wanted),
             "course_count": people.count(session, who.course),
             "invitations": [
@@ -136,6 +148,7 @@ def render(
         }
     join_url = None if link is None else f"{services.origin_of(request)}/join?code={link.code}"
     context |= {
+        "said": describe_change(said, context["changed"]),
         "join_url": join_url,
         "roles": list(Role),
         "scopes": list(Scope),
@@ -165,9 +178,30 @@ def list_members(session: Session, who: Identity, members: Sequence[Member]) -> 
             or describe_origin(member),
             "has_twin": bool(twins.get(member.id)),
             "is_self": member.id == who.id,
+            "first_name": rules.first_name(member),
         }
         for member in members
     ]
+
+
+def describe_change(said: str, member: Member | None) -> str:
+    """Says what a form has changed of a member, as the member is now; nothing where that is not so any more."""
+    if member is None or (member.removed_at is not None) != (said == "remove"):
+        return ""
+    way_back = describe_return(member) if said == "remove" else ""
+    return f"{SAID.get(said, '').format(name=member.name)} {way_back}".strip()
+
+
+def describe_return(member: Member) -> str:
+    """Says how a removed member comes back; nothing of one who was erased."""
+    if name := rules.first_name(member):
+        return f"To bring them back, with their answers and points, invite “{name}” as {member.role} again."
+    if member.name.startswith(ERASED):
+        return ""
+    return (
+        "To bring them back, with their answers and points, import a roster with their name, the namespace "
+        f"{OWN} and the external_id {member.id}."
+    )
 
 
 def describe_origin(member: Member) -> str:
@@ -238,7 +272,7 @@ def change_member(
     request: Request, member_id: str, services: AppServices, who: Instructor, form: Form, *, listed: Listed
 ) -> Response:
     """Makes a new link for a member, which is shown this once; changes the role or the name; or removes. `do` says
-    which. Shows the same members again, with a reason if it is refused. Raises Unauthorized, Forbidden."""
+    which. Shows the same members again, with what was done, or why not. Raises Unauthorized, Forbidden."""
     do = form.get("do", "")
     try:
         with services.database.write() as session:
@@ -259,7 +293,8 @@ def change_member(
         return render(request, services, who, "members", 409, listed=listed, trouble=str(error))
     if do == "link":
         return render_links(request, services, who, "members", [invitation], listed=listed)
-    return RedirectResponse(PAGE + listed.query(listed.start), 303)
+    query = listed.query(listed.start, said=do if do in SAID else "", of=member_id)
+    return RedirectResponse(PAGE + query, 303)
 
 
 @router.post(f"{PAGE}/tokens")
