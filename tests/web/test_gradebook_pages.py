@@ -10,6 +10,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from grader.courses.people.erasure import erase_learner
 from grader.settings import Settings
 from grader.store.tables import now
 from support.sites import QUIZ, open_site, write_content
@@ -69,6 +70,34 @@ def test_who_was_removed_is_marked_and_neither_sent_to_a_platform_nor_reviewed(c
             assert "ann removed" not in book
         assert tina.post(f"{API}/invitations", json={"names": ["bob"]}).status_code == 201
         assert count_waiting() == 2
+
+
+def test_the_story_of_a_removed_learner_says_what_brings_them_back(content: Path, tmp_path: Path) -> None:
+    with open_site(Settings(content=content, data=tmp_path / "data", workers=0)) as site:
+        tina = browser(site, "tina", "instructor")
+        code = tina.put(f"{API}/course/link").json()["join_url"].partition("code=")[2]
+        guest = site.anonymous({"Sec-Fetch-Site": "same-origin"})
+        guest.post("/join", data={"code": code, "name": "Eve"})
+        eve = answer(guest, "q1", 1)
+        roster = f"name,namespace,external_id,email\nEve,grader,{eve},eve@x.example\n"
+        back = f"import a roster with their name, the namespace grader and the external_id {eve}."
+
+        def see_after_import() -> str:
+            done = tina.post(f"{API}/roster:import", content=roster, headers={"Content-Type": "text/csv"}).json()
+            assert (done["created"], done["changed"]) == (0, 1)
+            return words(page(tina, f"/instructor/learners/{eve}"))
+
+        assert "eve@x.example" in see_after_import()
+        tina.delete(f"{API}/members/{eve}")
+        assert f"removed from the course To bring them back, with their answers and points, {back}" in words(
+            page(tina, f"/instructor/learners/{eve}")
+        )
+        assert "removed" not in see_after_import()
+        database = site.app.state.services.database
+        with database.write() as session:
+            erase_learner(database, session, member_id=eve)
+        erased = words(page(tina, f"/instructor/learners/{eve}"))
+        assert ("removed from the course" in erased, "bring them back" in erased) == (True, False)
 
 
 def test_results_of_a_question_that_the_quiz_has_lost_do_not_count(content: Path, tmp_path: Path) -> None:
