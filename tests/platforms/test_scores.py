@@ -847,8 +847,11 @@ def test_the_score_of_results() -> None:
     assert compute_score(both, {}, "q1") == Score(1.5, 2.0, "Completed", "FullyGraded")  # gone from the content
     assert compute_score({"old": result(1)}, worth, "") is None
     assert compute_score({"q1": result(1, max_points=0)}, {"q1": 0.0}, "q1") is None
-    tenths = {f"q{number}": result(0.1) for number in range(3)}
+    tenths = {f"q{number}": result(0.1, max_points=0.1) for number in range(3)}
     assert compute_score(tenths, dict.fromkeys(tenths, 0.1), "") == Score(0.3, 0.3, "Completed", "FullyGraded")
+    more = {"q1": result(5, max_points=5)}  # graded before the question got fewer points
+    assert compute_score(more, worth, "q1") == Score(5, 5, "Completed", "FullyGraded")
+    assert compute_score(more, worth, "") == Score(5, 6, "InProgress", "FullyGraded")
 
 
 def test_scores_are_compared_as_a_platform_has_scaled_them() -> None:

@@ -103,6 +103,8 @@ def compute_score(
     else:
         counted = {name: result for name, result in results.items() if name in worth}
         asked = dict(worth)
+    # Points that a question had when it was graded, until a regrade: 5 of 5, where 5 of 3 would be above its maximum.
+    asked |= {name: result.max_points for name, result in counted.items() if result.is_final and result.max_points}
     maximum = round(sum(asked.values()), DIGITS)
     if not counted or maximum <= 0:
         return None
