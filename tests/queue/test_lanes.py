@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import pytest
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 from structlog.testing import capture_logs
@@ -37,6 +38,21 @@ class Noting:
 
     def put_back(self, _session: Session, _subject: str) -> None:
         """Nothing."""
+
+
+class Sleeping(Noting):
+    """Of its jobs those that sleep wait for `may_end`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.begun: list[str] = []
+
+    def run(self, started: Any) -> JobOutcome:
+        self.begun.append(started)
+        if started.startswith("sleep"):
+            return super().run(started)
+        self.done.append(started)
+        return JobOutcome(lambda _: None)
 
 
 def test_receivers_that_dawdle_hold_up_no_grading(database: Database) -> None:
@@ -124,6 +140,44 @@ def test_an_owner_delivers_one_thing_at_a_time_to_a_receiver(database: Database)
         assert other.subject == "slow2"
         scripts = [jobs.claim(session, 1, (jobs.GRADE, jobs.DELIVER)) for _ in range(3)]
         assert [one and one.subject for one in scripts] == ["script1", "script2", None]
+
+
+def test_a_learner_has_fewer_scripts_in_progress_than_there_are_threads(database: Database) -> None:
+    with database.write() as session:
+        jobs.put_all(session, jobs.GRADE, ["s1", "s2", "s3"], share="sleeper")
+        jobs.put_all(session, jobs.DELIVER, ["d1", "d2"], share="sleeper")
+        topics = (jobs.GRADE, jobs.DELIVER)
+        held = [jobs.claim(session, 1, topics, 2) for _ in range(4)]
+        assert [one and one.subject for one in held] == ["s1", "s2", "d1", None]
+        jobs.put(session, jobs.GRADE, "other", share="somebody")
+        assert [one and one.subject for one in (jobs.claim(session, 1, topics, 2) for _ in range(2))] == ["other", None]
+        assert jobs.claim(session, 2, (jobs.GRADE,), 2) is not None  # another worker has threads of its own
+        assert held[0] is not None and jobs.finish(session, held[0])
+        assert jobs.claim(session, 1, (jobs.GRADE,), 2) is None  # the other worker's was the last
+        jobs.put(session, jobs.GRADE, "s4", share="sleeper")
+        again = jobs.claim(session, 1, (jobs.GRADE,), 2)
+        assert again is not None and again.subject == "s4"
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_scripts_that_sleep_leave_a_thread_to_others(database: Database, threads: int) -> None:
+    grading = Sleeping()
+    worker = Worker(database, {jobs.GRADE: grading}, threads, Retries(3))
+    with database.write() as session:
+        jobs.put_all(session, jobs.GRADE, [f"sleep{number}" for number in range(5)], share="sleeper")
+    worker.start()
+    try:
+        wait_for(lambda: len(grading.begun) == max(1, threads - 1))
+        with database.write() as session:
+            jobs.put(session, jobs.GRADE, "quick", share="somebody")
+        if threads > 1:
+            wait_for(lambda: grading.done == ["quick"])
+            assert len(grading.begun) == threads
+        grading.may_end.set()
+        wait_for(lambda: len(grading.done) == 6)
+    finally:
+        grading.may_end.set()
+        worker.stop()
 
 
 def test_a_receiver_that_dawdles_takes_one_thread(database: Database) -> None:

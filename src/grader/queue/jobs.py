@@ -5,7 +5,9 @@ jobs are ordered in rounds, and a round holds at most one job of each share (a l
 round in which its place is behind the head of the queue and which holds no job of its share. Since places never move
 up, a share's next job waits for at most one job of every other share. A claim reads one entry of an index, however
 long the queue is. Of the topic `deliver` an owner has at most one job of each share in progress: a share is a receiver,
-and one that answers slowly must not take all the threads. A claim passes over the jobs of receivers that are busy.
+and one that answers slowly must not take all the threads. Of the topic `grade` it has fewer jobs of a learner in
+progress than threads, where it has several: a learner whose scripts sleep must not hold them all. A claim passes over
+the jobs of shares that have their fill.
 
 A job in progress has an owner, and no time limit. Times are those of the database's clock, and only jobs that were
 delayed have them; a clock that is set back makes those due at once.
@@ -38,6 +40,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
+from sqlalchemy.sql.dml import ReturningUpdate
 from sqlalchemy.sql.functions import FunctionElement
 
 from grader.store.engine.ids import age_s
@@ -144,30 +147,39 @@ AMONG = (
     JobRow.topic.in_(bindparam("topics", expanding=True)),
 )
 FIRST = select(JobRow.id).where(WAITS, DUE, *AMONG).order_by(*ORDER).limit(1).with_for_update(skip_locked=True)
-IN_PROGRESS = (
-    select(JobRow.share)
-    .where(JobRow.owner == bindparam("by"), IS_OWNED, JobRow.priority == TOPICS.index(DELIVER))
-    .correlate(None)
-)
-"""The shares of which this owner delivers something."""
-FIRST_ALONE = FIRST.where(or_(JobRow.priority != TOPICS.index(DELIVER), JobRow.share.not_in(IN_PROGRESS)))
-CLAIM, CLAIM_ALONE = (
-    update(JobRow)
-    .where(JobRow.id == first.scalar_subquery())
+
+
+def _select_full(topic: str) -> Select[int]:
+    """Selects the shares of which this owner has its fill of jobs of a topic in progress."""
+    progress = (JobRow.owner == bindparam("by"), IS_OWNED, JobRow.priority == TOPICS.index(topic))
+    fill = func.count() >= (bindparam("most", type_=Integer) if topic == GRADE else 1)
+    return select(JobRow.share).where(*progress).group_by(JobRow.share).having(fill).correlate(None)
+
+
+FULL = {topic: or_(JobRow.priority != TOPICS.index(topic), JobRow.share.not_in(_select_full(topic)))
+        for topic in (GRADE, DELIVER)}  # fmt: skip
+CLAIMS: dict[tuple[str, ...], ReturningUpdate[int, str, str, int]] = {
+    topics: update(JobRow)
+    .where(JobRow.id == FIRST.where(*map(FULL.__getitem__, topics)).scalar_subquery())
     .values(tries=JobRow.tries + 1, owner=bindparam("by"), lease=bindparam("new"), due_at=None)
     .returning(JobRow.id, JobRow.topic, JobRow.subject, JobRow.tries)
-    for first in (FIRST, FIRST_ALONE)
-)
+    for topics in ((), (GRADE,), (DELIVER,), (GRADE, DELIVER))
+}
+"""The claim, by the topics of which an owner has only so many jobs of a share in progress."""
 
 
-def claim(session: Session, owner: int, topics: tuple[str, ...] = TOPICS) -> ClaimedJob | None:
-    """Claims the first job of these topics in the queue's order that is due, for `owner`. None if there is none. Of an
-    owner, two claims of deliveries at once must not be under way: neither would see what the other one claims."""
+def claim(session: Session, owner: int, topics: tuple[str, ...] = TOPICS, most: int | None = None) -> ClaimedJob | None:
+    """Claims the first job of these topics in the queue's order that is due, for `owner`. None if there is none. With
+    `most`, the owner has at most so many jobs of `grade` of one share in progress. Of an owner, two claims of
+    deliveries, or with `most`, at once must not be under way: neither would see what the other one claims."""
     if not topics:
         return None
     places, lease = [TOPICS.index(topic) for topic in topics], secrets.token_hex(16)
-    values = {"from": min(places), "to": max(places), "topics": topics, "by": owner, "new": lease}
-    row = session.connection().execute(CLAIM_ALONE if DELIVER in topics else CLAIM, values).first()
+    values: dict[str, Any] = {"from": min(places), "to": max(places), "topics": topics, "by": owner, "new": lease}
+    limited = tuple(topic for topic in FULL if topic in topics and (topic == DELIVER or most is not None))
+    if GRADE in limited:
+        values["most"] = most
+    row = session.connection().execute(CLAIMS[limited], values).first()
     return None if row is None else ClaimedJob(*row, lease)
 
 

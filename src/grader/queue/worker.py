@@ -93,8 +93,9 @@ class News:
 
 @dataclass
 class Worker:
-    """Does `threads` jobs at a time, of the topics in `tasks`. With `others`, so many further threads do the jobs of
-    `APART`, and the first ones leave them alone.
+    """Does `threads` jobs at a time, of the topics in `tasks`; of several, one is left to others than a learner whose
+    scripts hold the rest. With `others`, so many further threads do the jobs of `APART`, and the first ones leave them
+    alone.
 
     A job that fails, or whose worker dies, goes back to the queue and is tried again as `retries` says. While the
     database is away, the worker waits for it; the outcomes of jobs in progress are stored when it is back, and a lost
@@ -177,7 +178,7 @@ class Worker:
         claimed: ClaimedJob | None = None
         try:
             with self._turn(wanted), self.database.write(hasty=True) as session:  # a lost claim leaves the job waiting
-                claimed = jobs.claim(session, self.owner.id, wanted)
+                claimed = jobs.claim(session, self.owner.id, wanted, self.threads - 1 if self.threads > 1 else None)
                 if claimed is None:
                     return False
                 # Before the commit: what the database calls ours and is not held here counts as lost.
@@ -196,8 +197,9 @@ class Worker:
         return True
 
     def _turn(self, topics: tuple[str, ...]) -> AbstractContextManager[Any]:
-        """Lets one thread at a time claim deliveries, as `jobs.claim` asks for."""
-        return self._claiming if jobs.DELIVER in topics else nullcontext()
+        """Lets one thread at a time claim what of a share an owner has only so much of, as `jobs.claim` asks for."""
+        is_limited = jobs.DELIVER in topics or (jobs.GRADE in topics and self.threads > 1)
+        return self._claiming if is_limited else nullcontext()
 
     def _outcome(self, claimed: ClaimedJob, started: Any) -> JobOutcome:
         task = self.tasks[claimed.topic]
