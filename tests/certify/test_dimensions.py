@@ -33,6 +33,12 @@ def model() -> mujoco.MjModel:
         ("Math.sqrt(model.jnt_stiffness[0] / model.body_mass[1])", "Hz"),
         ("data.qvel[1]", "Hz"),
         ("Math.abs(data.qvel[1])", "rpm"),
+        ("2 * Math.PI * Math.sqrt(model.body_mass[1] / model.jnt_stiffness[0])", "ms"),
+        ("0.5 * model.body_mass[1] * data.qvel[0] * data.qvel[0]", "mJ"),
+        ("model.body_mass[1] * data.qvel[0] * data.qvel[0] / 2", "mJ"),
+        ("model.dof_damping[0] / (2 * Math.sqrt(model.body_mass[1] * model.jnt_stiffness[0]))", "%"),
+        ("data.qpos[1] - Math.PI / 2", "deg"),
+        ("2 * data.qvel[1]", "Hz"),
     ],
 )
 def test_another_unit_is_told(model: mujoco.MjModel, text: str, unit: str) -> None:
@@ -53,6 +59,17 @@ def test_another_unit_is_told(model: mujoco.MjModel, text: str, unit: str) -> No
         ("1 / data.time", "Hz"),
         ("data.qvel[1] * 60 / (2 * Math.PI)", "rpm"),
         ("data.ncon", "Hz"),
+        ("2 * Math.PI * Math.sqrt(model.body_mass[1] / model.jnt_stiffness[0])", "s"),
+        ("2000 * Math.PI * Math.sqrt(model.body_mass[1] / model.jnt_stiffness[0])", "ms"),
+        ("1000 * 2 * Math.PI * Math.sqrt(model.body_mass[1] / model.jnt_stiffness[0])", "ms"),
+        ("500 * model.body_mass[1] * data.qvel[0] ** 2", "mJ"),
+        ("100 * model.dof_damping[0] / (2 * Math.sqrt(model.body_mass[1] * model.jnt_stiffness[0]))", "%"),
+        ("model.dof_damping[0] / (2 * Math.sqrt(model.body_mass[1] * model.jnt_stiffness[0]))", ""),
+        ("data.qvel[1] * 30 / Math.PI", "rpm"),
+        ("data.qvel[1] / Math.PI / 2", "Hz"),
+        ("2 * Math.PI / data.time", "rad/s"),
+        ("3.6 * data.qvel[0]", "km/h"),
+        ("2 * Math.PI", "deg"),
         ("0.5 * model.body_mass[1] * data.qvel[0] ** 2", "J"),
         ("data.ctrl[0]", "N m"),
         ("data.qpos[0]", "K"),
@@ -86,6 +103,26 @@ def test_elements_of_free_and_ball_joints_have_units(text: str, unit: str, *, fi
         "<body><joint type='ball'/><geom size='1'/></body></worldbody></mujoco>"
     )
     assert (explain_unit(text, model, unit) is None) == fits
+
+
+@pytest.mark.parametrize(
+    ("joints", "unit", "fits"),
+    [("s", "mm/s", False), ("s", "m/s", True), ("h", "deg/s", False), ("h", "rad/s", True), ("sh", "mm/s", True)],
+)
+def test_the_velocities_of_joints_of_one_type_have_a_unit(joints: str, unit: str, *, fits: bool) -> None:
+    types = "".join(f'<joint type="{"slide" if joint == "s" else "hinge"}"/>' for joint in joints)
+    xml = f"<mujoco><worldbody><body>{types}<geom size='1'/></body></worldbody></mujoco>"
+    assert (explain_unit("lib.norm(data.qvel)", mujoco.MjModel.from_xml_string(xml), unit) is None) == fits
+
+
+def test_a_factor_of_a_formula_neither_certifies_nor_refutes_in_another_unit() -> None:
+    spring = XML.replace('type="slide"', 'type="slide" stiffness="50"').replace('size="1"', 'size="1" mass="2"')
+    expr = "2 * Math.PI * Math.sqrt(model.body_mass[1] / model.jnt_stiffness[0])"
+    verify = ByExpression(by="expression", expr=expr, xml=spring)
+    for answer in (1.2566, 1256.64):
+        key = NumberKey(kind="numeric", text="", verify=verify, answer=answer, tolerance=0.01 * answer, unit="ms")
+        certificate = certify_key(key, dict[str, str]().__getitem__)
+        assert certificate is not None and (certificate.verdict, certificate.key) == ("cannot tell", "unit")
 
 
 def test_a_key_in_another_unit_is_not_certified() -> None:

@@ -32,7 +32,7 @@ def fit_unit(shown: ShownExpression, model: mujoco.MjModel, unit: str | None) ->
         return fit_declared(shown, unit)
     if wanted is None or not all(map(partial(isclose, abs_tol=1e-9), measured.powers, wanted.powers)):
         return None
-    if measured.size is None:
+    if measured.size is None or (measured.may_count and wanted.size is None):  # it may do so already
         return fit_declared(shown, unit)
     factor = find_factor(measured.name, unit)
     if factor is None and wanted.size is not None:

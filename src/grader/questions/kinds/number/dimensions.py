@@ -19,21 +19,28 @@ BASES = {"meter": (1, 0, 0, 1.0), "kilogram": (0, 1, 0, 1.0), "gram": (0, 1, 0, 
          "radian": (0, 0, 0, 1.0)}  # fmt: skip
 """Powers of metre, kilogram and second of the base units, and their size in these."""
 
-FACTORS = frozenset((0.5, 1.0, 2.0, 3.0, 4.0, 60.0, 180.0, 360.0))
-"""Numbers that are taken for factors; powers of ten are, too."""
+FACTORS = frozenset((0.5, 1.0, 2.0, 3.0, 4.0))
+"""Numbers that are taken for factors of a formula, which convert no unit."""
+
+CONVERSIONS = frozenset((60.0, 180.0, 360.0))
+"""Numbers that are taken for factors between units; powers of ten are, too."""
 
 
 @dataclass(frozen=True)
 class Dimension:
     """Powers of metre, kilogram and second, and the size of the unit in them; None where a factor leaves it open. An
-    angle has no dimension; `name` is the unit as the author would write it."""
+    angle has no dimension; `name` is the unit as the author would write it. `is_number` says that it is a number that
+    is written in the text, and `may_count` that a factor π or 1 over a time may have made it count turns."""
 
     powers: tuple[float, float, float]
     size: float | None = 1.0
     name: str = ""
+    is_number: bool = False
+    may_count: bool = False
 
 
-NUMBER = Dimension((0, 0, 0), None)
+FACTOR = Dimension((0, 0, 0), 1.0, is_number=True)
+CONVERSION, PI = replace(FACTOR, size=None), replace(FACTOR, may_count=True)
 RAD, DEG = Dimension((0, 0, 0), 1.0, "rad"), Dimension((0, 0, 0), pi / 180, "deg")
 M, KG, S = Dimension((1, 0, 0), 1.0, "m"), Dimension((0, 1, 0), 1.0, "kg"), Dimension((0, 0, 1), 1.0, "s")
 SPEED, TURNING = Dimension((1, 0, -1), 1.0, "m/s"), Dimension((0, 0, -1), 1.0, "rad/s")
@@ -108,8 +115,11 @@ def explain_unit(text: str, model: mujoco.MjModel, unit: str) -> str | None:
         cure = "name masses and lengths in it by their fields, such as model.body_mass[1], or write another unit"
         return f"the expression gives a value in {what}, which the unit {unit} does not measure: {cure}"
     if measured.size is not None and wanted.size is not None and not isclose(measured.size, wanted.size):
-        return f"the expression gives a value in {measured.name or 'base units'}, and the unit is {unit}: convert one"
-    if measured.size is not None and counts_turns(unit):
+        what = (
+            f"a value in {measured.name or 'base units'}" if any(measured.powers) or measured.name else "a plain ratio"
+        )
+        return f"the expression gives {what}, and the unit is {unit}: convert one"
+    if measured.size is not None and not measured.may_count and counts_turns(unit):
         what = measured.name or "rad and s"
         return f"the expression gives a value in {what}, and {unit} counts turns: divide by 2π, or write another unit"
     return None
@@ -138,7 +148,7 @@ def read_dimension(text: str, model: mujoco.MjModel) -> Dimension | None:
         measured = _read(syntax.Source(text, "expression").tree(), model)
     except (syntax.SyntaxRefused, AttributeError):
         return None
-    return None if measured == NUMBER else measured
+    return None if measured is None or measured.is_number else measured
 
 
 def find_unit_dimension(text: str) -> Dimension | None:
@@ -185,7 +195,9 @@ def _read(node: Node, model: mujoco.MjModel) -> Dimension | None:
 
 
 def _read_number(value: float) -> Dimension | None:
-    return NUMBER if value in FACTORS or (value > 0 and log10(value).is_integer()) else None
+    if value in FACTORS:
+        return FACTOR
+    return CONVERSION if value in CONVERSIONS or (value > 0 and log10(value).is_integer()) else None
 
 
 def _combine(operator: str, left: Node, right: Node, model: mujoco.MjModel) -> Dimension | None:
@@ -198,13 +210,24 @@ def _combine(operator: str, left: Node, right: Node, model: mujoco.MjModel) -> D
     if a is None or b is None:
         return None
     if operator in ("+", "-"):
-        return a if a == b else replace(a, size=None) if a.powers == b.powers else None
-    if operator not in ("*", "/"):
+        return _add(a, b)
+    return _multiply(a, b, 1 if operator == "*" else -1) if operator in ("*", "/") else None
+
+
+def _add(a: Dimension, b: Dimension) -> Dimension | None:
+    if a.powers != b.powers:
         return None
-    sign = 1 if operator == "*" else -1
+    size = a.size if a.size == b.size else None
+    return Dimension(a.powers, size, a.name, a.is_number and b.is_number, a.may_count or b.may_count)
+
+
+def _multiply(a: Dimension, b: Dimension, sign: int) -> Dimension:
+    """Returns what a product measures, or with a `sign` of -1 a quotient."""
     size = None if a.size is None or b.size is None else a.size * b.size**sign
     x, y, z = (p + sign * q for p, q in zip(a.powers, b.powers, strict=True))
-    return Dimension((x, y, z), size, a.name if b == NUMBER else "")
+    name = a.name if b in (FACTOR, CONVERSION) else b.name if a == FACTOR and sign == 1 else ""
+    may_count = a.may_count or b.may_count or (a.is_number and sign == -1)
+    return Dimension((x, y, z), size, name, a.is_number and b.is_number, may_count)
 
 
 def _is_constant(node: Node) -> bool:
@@ -224,7 +247,7 @@ def _raise(base: Dimension | None, exponent: float) -> Dimension | None:
     if base is None:
         return None
     x, y, z = (exponent * power for power in base.powers)
-    return Dimension((x, y, z), None if base.size is None else base.size**exponent)
+    return replace(base, powers=(x, y, z), size=None if base.size is None else base.size**exponent, name="")
 
 
 def _read_call(node: Node, model: mujoco.MjModel) -> Dimension | None:
@@ -248,7 +271,7 @@ def _read_field(node: Node, model: mujoco.MjModel) -> Dimension | None:
     """Returns what a field or an element of one holds."""
     text = syntax.read_text(node).replace(" ", "")
     if node.type == "member_expression":
-        return NUMBER if text == "Math.PI" else FIELDS.get(text)
+        return PI if text == "Math.PI" else FIELDS.get(text) or _read_all_joints(text, model)
     owner, index = syntax.get_field(node, "object"), syntax.get_field(node, "index")
     path = syntax.read_text(owner).replace(" ", "")
     if path in FIELDS:
@@ -258,6 +281,12 @@ def _read_field(node: Node, model: mujoco.MjModel) -> Dimension | None:
     if found := MASS.fullmatch(text):
         return _read_mass(model, *map(int, found.groups()))
     return _read_element(path, syntax.read_number(index), model) if index.type == "number" else None
+
+
+def _read_all_joints(path: str, model: mujoco.MjModel) -> Dimension | None:
+    """Returns what a whole field of joints holds, if they are all slides or all hinges."""
+    types = {int(type_) for type_ in model.jnt_type}
+    return _of_joint(path, types.pop()) if path in JOINTS and len(types) == 1 else None
 
 
 def _read_element(path: str, at: float, model: mujoco.MjModel) -> Dimension | None:
