@@ -806,6 +806,11 @@ OSCILLATOR = (
     [
         ("Math.abs(data.qpos[0])", 0.05, 0.5, True),
         ("data.qpos[0] ** 2", 0.005, 0.5, True),
+        ("data.qpos[0] * data.qpos[0]", 0.005, 0.5, True),
+        ("Math.cos(data.qpos[0])", 0.9975, 0.5, True),
+        ("lib.norm(data.qpos)", 0.05, 0.5, True),
+        ("lib.energy().kinetic", 0.05, 0.5, True),
+        ("data.qvel[0]", 0, 1, False),
         ("data.qpos[0]", 0, 1, False),
     ],
 )

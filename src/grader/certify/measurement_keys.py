@@ -1,6 +1,6 @@
 """Certifies numbers that are measured in a run, or given by a closed form."""
 
-import re
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from math import isfinite, tau
@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from grader.certify.certificate import Certificate, certify_number, refuse
+from grader.certify.series_remarks import remark_series
 from grader.domain.lab import LabConfig, Readout
 from grader.domain.quantities import BASE_UNITS
 from grader.domain.verify import ByExpression, ByMeasurement
@@ -41,9 +42,6 @@ from grader.questions import ModelXml, NumberKey
 from grader.questions.kinds.number.units import convert, known_unit, read_unit
 
 EMPTY = "<mujoco/>"
-
-SIZE = re.compile(r"\bMath\.(?:abs|hypot)\(|\bMath\.pow\([^()]*,\s*2\s*\)|\*\*\s*2\b")
-"""What makes a size or a square of what it gets."""
 
 EXTREMES = frozenset({"max", "min", "amplitude", "peak_to_peak"})
 """Quantities of the largest and the smallest value of a run, which a longer run may pass."""
@@ -86,6 +84,13 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
             raise RegimeFailure("finite", explain_absence(verify.when, verify.expr))
         return run, value
 
+    def read_beside(others: Sequence[str]) -> LabRun:
+        readouts = (*config.readouts, *(Readout(label=expr, expr=expr) for expr in others))
+        variant = replace(SAME, every_step=True)
+        return run_experiment(
+            config.model_copy(update={"readouts": readouts}), xml, seconds=verify.seconds, variant=variant, keys=keys
+        )
+
     try:
         certificate = (_certify_run if verify.timestep == "given" else _certify_motion)(key, verify, measure)
         if certificate.ok and verify.when == "settling":
@@ -93,10 +98,8 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
             others = {end: read(SAME, verify.model_copy(update={"seconds": end, "until": None}))[1] for end in ends}
             why = explain_unsettled(measure(SAME)[1], others, key.tolerance, is_part=verify.until is not None)
             certificate = _doubt(certificate, "settled", why)
-        if certificate.ok and key.answer == 0 and verify.when not in BASE_UNITS:
-            run, _ = read(SAME, verify.model_copy(update={"when": "max"}))
-            certificate = _remark_wide(certificate, key, run)
-        return _remark_number(_remark_size(certificate, verify), verify.expr)
+        certificate = remark_series(certificate, key, verify, xml, read_beside)
+        return _remark_number(certificate, verify.expr)
     except RegimeFailure as error:
         at = "verify.expr" if error.condition == "finite" else "verify"
         return refuse("measurement", key.answer, str(error), key=at, failed=error.condition)
@@ -175,16 +178,6 @@ def _remark_growth(certificate: Certificate, key: NumberKey, verify: ByMeasureme
         f"The {verify.when.replace('_', ' ')} changes by {change:.3g} in the last tenth of the run, so a longer run "
         "may give another: if the question asks for a peak, make verify.seconds longer."
     )
-    return certificate.with_remark(remark)
-
-
-def _remark_wide(certificate: Certificate, key: NumberKey, run: LabRun) -> Certificate:
-    """Remarks on a tolerance about 0 that holds all that the run comes by: nothing else tells how wide it is."""
-    _, values = read_series(run)
-    largest = float(np.max(np.abs(values)))
-    if largest > key.tolerance:
-        return certificate
-    remark = f"In the whole run the size is at most {largest:.3g}, within tol = {key.tolerance:g}: give a smaller one."
     return certificate.with_remark(remark)
 
 
@@ -281,17 +274,6 @@ def certify_expression(key: NumberKey, verify: ByExpression, model_xml: ModelXml
     if not isfinite(value):
         return refuse("expression", key.answer, f"the closed form gives {value}", key="verify.expr")
     return _remark_number(certify_number("expression", key, value, 0.0, {"value": value}), verify.expr)
-
-
-def _remark_size(certificate: Certificate, verify: ByMeasurement) -> Certificate:
-    """Remarks that a period is measured of a size, which comes by twice in each period of the motion."""
-    if verify.when not in ("period", "frequency") or not SIZE.search(verify.expr):
-        return certificate
-    remark = (
-        f"The {verify.when} is that of a size or a square, which comes by twice while the motion comes by once: "
-        "measure the motion itself, unless that is meant."
-    )
-    return certificate.with_remark(remark)
 
 
 def _remark_number(certificate: Certificate, expr: str) -> Certificate:
