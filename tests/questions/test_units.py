@@ -38,6 +38,15 @@ def test_a_conversion_has_the_bits_of_pint(pair: tuple[str, str], value: float) 
         assert convert(value, one, other) == get_registry().Quantity(value, one.quantity).to(other.quantity).magnitude
 
 
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("Prozent", "percent"), ("pour cent", "percent"), ("por ciento", "percent"), ("per cento", "percent"),
+     ("Per cent", "percent"), ("процентов", "percent"), ("Promille", "permille")],
+)  # fmt: skip
+def test_a_share_is_read_in_other_languages(name: str, meant: str) -> None:
+    assert convert(1.0, read_unit(name), read_unit(meant)) == 1.0
+
+
 @pytest.mark.parametrize(("one", "other", "value", "expected"), [("ms", "s", 5.0, 0.005), ("degC", "K", 20.0, 293.15)])
 def test_scales_with_and_without_an_offset(one: str, other: str, value: float, expected: float) -> None:
     assert convert(value, read_unit(one), read_unit(other)) == pytest.approx(expected, rel=1e-15)

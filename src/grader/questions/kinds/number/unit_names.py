@@ -25,7 +25,10 @@ IN_ANY_CASE: Mapping[str, str] = {
     "hz": "hertz",
     "khz": "kilohertz",
     "rpm": "revolutions_per_minute",
-    "pct": "percent",
+    **dict.fromkeys(
+        ["pct", "prozent", "procent", "pourcent", "percento", "процент", "процента", "процентов"], "percent"
+    ),
+    **dict.fromkeys(["promille", "промилле"], "permille"),
     **{
         f"{prefix}{name}": f"{meant}second"
         for meant, prefixes in (("", ("",)), ("milli", ("milli", "mili")), ("micro", ("mikro", "micro")))

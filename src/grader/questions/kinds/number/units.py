@@ -38,6 +38,7 @@ FACTOR = re.compile(
 
 POWERS = {"square": 2, "sq": 2, "cubic": 3}
 POWER_BEFORE = re.compile(r"\b(square|sq|cubic) ([A-Za-z]+)")
+PERCENT_APART = re.compile(r"\b(?:per|pour|por) (?:cento?|ciento)\b", re.I)
 PREFIX_APART = re.compile(r"\b(micro|milli|centi|kilo|mega)[ -](?=[A-Za-z])")
 """`square meters` and `milli seconds`."""
 
@@ -160,7 +161,8 @@ def _build_registry() -> "pint.UnitRegistry[Any]":
 @lru_cache(maxsize=1024)
 def read_unit(text: str) -> Unit:
     """Read a product of units and their powers: `N m/rad`, `kg·m²`, `1/s`, `m s^-1`. Raises InvalidAnswer."""
-    folded = fold(text).replace(" squared", "^2").replace(" cubed", "^3").replace("per cent", "percent")
+    folded = fold(text).replace(" squared", "^2").replace(" cubed", "^3")
+    folded = PERCENT_APART.sub("percent", folded)
     folded = PREFIX_APART.sub(r"\1", POWER_BEFORE.sub(lambda match: f"{match[2]}^{POWERS[match[1]]}", folded))
     if len(folded) > CHARACTERS_MAX:
         raise InvalidAnswer(f"{quoted(text)} is too long to be a unit")
