@@ -1,7 +1,7 @@
 """Compares the words of a question with what its `verify` measures: a key can be certified of something else."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from math import isclose, pi
 
 from mujoco import MjModel
@@ -18,10 +18,22 @@ COMPARED = {
     "mean": "mean",
     "amplitude": "amplitude",
     "peak_to_peak": "peak to peak",
+    "rms": "root mean square",
+    "end": "value at the end",
 }
 """Quantities that are not taken for each other, and their words."""
 
-AT = re.compile(r"\b(?:after|at t ?=|at) ([0-9]+(?:\.[0-9]+)?) ?(ms|s|seconds?)\b", re.I)
+ENDS = re.compile(
+    r"\b(?:finally|in the end|ends? (?:up|at)|final (?:angle|position|place|height|distance|speed|velocity|rate|value|"
+    r"energy|displacement|deflection|state|force|torque))\b|\bat the end(?! of (?!the (?:run|motion|simulation)\b))",
+    re.I,
+)
+"""Words for the value at the end of a run, and for nothing else."""
+
+NUMERALS = ("one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+WORDED_NUMBERS = {word: number for number, word in enumerate(NUMERALS, 1)}
+MOMENT = rf"([0-9]+(?:\.[0-9]+)?|{'|'.join(NUMERALS)}) ?(ms|milliseconds?|s|secs?|seconds?)\b"
+AT = re.compile(rf"(?:\bafter |\bat (?:time )?|\bt ?= ?){MOMENT}|\b{MOMENT} (?:later|after)\b", re.I)
 NAMED = re.compile(r"\b(?i:under|with|using|integrator) (Euler|RK4|implicitfast)\b")
 NAMES = re.compile(r"\b(?:Euler|RK4|implicitfast)\b", re.I)
 """The integrators whose names mean nothing else."""
@@ -66,12 +78,31 @@ def find_integrator(text: str) -> set[str]:
     return set(NAMED.findall(text)) if len({*NAMES.findall(text)}) == 1 else set()
 
 
+def find_moments(text: str, times_s: Sequence[float]) -> set[float]:
+    """Returns the moments that a text names [s], without the start: `2 s later` is one where no other of the `times_s`
+    of the text may be the time from which it counts."""
+    moments = set[float]()
+    for at, at_unit, later, later_unit in AT.findall(text):
+        number = float(WORDED_NUMBERS.get((at or later).casefold(), at or later))
+        moment = number / (1000 if (at_unit or later_unit).casefold().startswith("m") else 1)
+        if at or set(times_s) <= {moment}:
+            moments.add(moment)
+    return moments - {0.0}
+
+
 def _compare_measurement(text: str, verify: ByMeasurement, read_model: Callable[[], MjModel]) -> Iterator[str]:
     asked = read_question(PLACE.sub("", text))
     words, measured = asked.quantities, COMPARED.get(verify.when)
-    if len(words) == 1 and words[0] in COMPARED and words[0] != verify.when and measured and "-" not in verify.expr:
+    if words == ("rms", "mean"):  # the root of the mean square
+        words = ("rms",)
+    if words == ("end",) and not ENDS.search(text):
+        words = ()
+    if (
+        len(words) == 1 and words[0] in COMPARED and verify.when not in ("end", *words) and measured
+        and "-" not in verify.expr
+    ):  # fmt: skip
         yield f"The words ask for the {COMPARED[words[0]]}, and verify.when measures the {measured}."
-    moments = {float(number) / (1000 if unit == "ms" else 1) for number, unit in AT.findall(text)}
+    moments = find_moments(text, asked.moments_s)
     if (
         verify.when == "end"
         and len(moments) == 1
