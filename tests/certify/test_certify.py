@@ -15,9 +15,10 @@ from pydantic import ValidationError
 
 from grader.certify import Certificate, certify_key
 from grader.certify.keys import find_refused_keys, name_slip
+from grader.domain.verify import ByExpression
 from grader.errors import NotFound
 from grader.library import load
-from grader.questions import ModelXml, Question, kind_of, question_adapter
+from grader.questions import ModelXml, NumberKey, Question, kind_of, question_adapter
 from grader.questions.kinds.choice import ChoiceQuestion
 from grader.questions.kinds.number import NumberQuestion
 from grader.questions.kinds.predict import PredictQuestion
@@ -530,10 +531,32 @@ def test_an_input_of_a_step_is_told_as_one() -> None:
 def test_a_number_alone_is_no_derivation_and_an_array_no_number() -> None:
     remarked = certify(numeric(42, 0.1, "m", by="expression", expr="42"))
     assert [remark for remark in remarked.remarks if "a number alone" in remark]
+    measured = certify(numeric(6, 0.1, "m", by="measurement", xml=SENSED.format(""), expr="2*3", seconds=0.1))
+    assert [remark for remark in measured.remarks if "a number alone" in remark]
     told = {"by": "measurement", "xml": SENSED.format(""), "expr": "data.site_xpos", "when": "max", "seconds": 0.1}
     refused = certify(numeric(42, 0.1, "m", **told))
     assert (refused.verdict, refused.key) == ("cannot tell", "verify.expr")
     assert "expr gives 3 numbers" in refused.why
+
+
+@pytest.mark.parametrize(
+    ("text", "expr", "is_alone"),
+    [
+        ("How high?", "2*3", True),
+        ("How high?", "Math.sqrt(2 * 0.9 / 9.81)", True),
+        ("How long does it fall 0.9 m?", "Math.sqrt(2 * 0.9 / 9.81)", False),
+        ("How long does it fall 90 cm?", "Math.sqrt(2 * 0.9 / 9.81)", False),
+        ("How much is 27 of 30?", "27 / 30", False),
+        ("How much is 27?", "27", True),
+        ("How heavy is it?", "2 * model.body_mass[1]", False),
+    ],
+)
+def test_a_closed_form_over_numbers_of_the_question_is_no_number_alone(text: str, expr: str, is_alone: bool) -> None:
+    verify = ByExpression.model_validate({"by": "expression", "expr": expr, "xml": SENSED.format("")})
+    key = NumberKey(kind="numeric", text=text, verify=verify, answer=1.0, tolerance=1e3)
+    certificate = certify_key(key, model_xml)
+    assert certificate is not None and certificate.ok
+    assert any("a number alone" in remark for remark in certificate.remarks) is is_alone
 
 
 PUSH = {"by": "options", "settings": [{"push": 1}, {"push": 4}, {"push": 12}]}

@@ -1,5 +1,6 @@
 """Certifies numbers that are measured in a run, or given by a closed form."""
 
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -11,7 +12,9 @@ import numpy as np
 
 from grader.certify.certificate import Certificate, certify_number, refuse
 from grader.certify.series_remarks import remark_series
+from grader.certify.wording import list_amounts
 from grader.domain.lab import LabConfig, Readout
+from grader.domain.pages.markup import plain_text
 from grader.domain.quantities import BASE_UNITS
 from grader.domain.verify import ByExpression, ByMeasurement
 from grader.errors import InvalidAnswer
@@ -42,6 +45,9 @@ from grader.questions import ModelXml, NumberKey
 from grader.questions.kinds.number.units import convert, known_unit, read_unit
 
 EMPTY = "<mujoco/>"
+
+NAMES = re.compile(r"\b(?:model|data|lib|ctx)\b")
+"""What an expression can derive a number from."""
 
 EXTREMES = frozenset({"max", "min", "amplitude", "peak_to_peak"})
 """Quantities of the largest and the smallest value of a run, which a longer run may pass."""
@@ -99,7 +105,7 @@ def certify_measurement(key: NumberKey, verify: ByMeasurement, model_xml: ModelX
             why = explain_unsettled(measure(SAME)[1], others, key.tolerance, is_part=verify.until is not None)
             certificate = _doubt(certificate, "settled", why)
         certificate = remark_series(certificate, key, verify, xml, read_beside)
-        return _remark_number(certificate, verify.expr)
+        return _remark_number(certificate, key, verify)
     except RegimeFailure as error:
         at = "verify.expr" if error.condition == "finite" else "verify"
         return refuse("measurement", key.answer, str(error), key=at, failed=error.condition)
@@ -273,13 +279,27 @@ def certify_expression(key: NumberKey, verify: ByExpression, model_xml: ModelXml
     value = evaluate(verify.expr, model, data, "verify.expr")
     if not isfinite(value):
         return refuse("expression", key.answer, f"the closed form gives {value}", key="verify.expr")
-    return _remark_number(certify_number("expression", key, value, 0.0, {"value": value}), verify.expr)
+    return _remark_number(certify_number("expression", key, value, 0.0, {"value": value}), key, verify)
 
 
-def _remark_number(certificate: Certificate, expr: str) -> Certificate:
-    """Remarks that an expression is a number alone."""
+def _remark_number(certificate: Certificate, key: NumberKey, verify: ByMeasurement | ByExpression) -> Certificate:
+    """Remarks that an expression is a number alone: nothing in it is of a model, nor of the words of its question."""
+    if NAMES.search(verify.expr) or (isinstance(verify, ByExpression) and _is_about_words(verify.expr, key)):
+        return certificate
+    remark = "verify.expr is a number alone, from which nothing is derived: write where it comes from."
+    return certificate.with_remark(remark)
+
+
+def _is_about_words(expr: str, key: NumberKey) -> bool:
+    """Whether an expression that computes has a number of the question, up to a power of ten, as another unit gives. A
+    field of several numbers is not known to have none: only its label is at hand."""
     with suppress(ValueError):
         float(expr)
-        remark = "verify.expr is a number alone, from which nothing is derived: write where it comes from."
-        return certificate.with_remark(remark)
-    return certificate
+        return False
+    if key.place:
+        return True
+    written, asked = (
+        {f"{abs(amount.value):.9e}".split("e")[0] for amount in list_amounts(text)}
+        for text in (expr, plain_text(key.text))
+    )
+    return bool(written & asked)
