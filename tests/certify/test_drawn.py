@@ -1,10 +1,14 @@
 """Drawn numbers: what derives the key must use them, and a key that cannot be known is given to nobody."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from grader.certify.drawn import NoKey, certify_corners, settle
+from grader.certify.keys import certify_quizzes
+from grader.library import PassedChecks, load
 from grader.questions import parse_question
 
 CART = """<mujoco><option gravity="0 0 0" timestep="0.002"/><worldbody><body><inertial pos="0 0 0" mass="2"
@@ -60,6 +64,29 @@ def test_a_number_that_is_used_somewhere_passes(question: dict[str, Any]) -> Non
     assert explain(question) == []
 
 
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({}, "With a = 0.1 the key is 0.0001, and tol is 0.2: it is as large as the answer"),
+        ({"draw": {"a": [0.8, 1.3]}}, "With a = 0.8 the key is 0.4096, and tol is 0.2: it is wide"),
+        ({"draw": {"a": [0.9, 1.2]}}, ""),
+        ({"tol": None}, ""),
+        ({"draw": {"a": [-1.8, 2]}, "answer": 0.1, "verify": {"by": "expression", "expr": "{a}"}, "tol": 0.03}, ""),
+        ({"tol": 0.6}, ""),  # of which the middle is told
+    ],
+)
+def test_a_tolerance_that_is_too_wide_at_an_end_is_remarked(changes: dict[str, Any], told: str) -> None:
+    raw = {
+        "id": "q", "kind": "numeric", "q": "Energy {a}^4?", "draw": {"a": [0.1, 2]}, "answer": 1.2155, "tol": 0.2,
+        "verify": {"by": "expression", "expr": "{a}**4"}, **changes,
+    }  # fmt: skip
+    certified = list(certify_corners(parse_question(raw), lambda _: ""))
+    assert all(certificate.ok for _, certificate in certified)
+    remarks = [one for _, certificate in certified for one in certificate.remarks if "tol is" in one]
+    assert len(remarks) == bool(told)
+    assert all(told in one for one in remarks)
+
+
 def test_a_key_that_is_not_known_for_a_learners_numbers_is_given_to_nobody() -> None:
     """From the top, rounding decides to which side a pendulum falls: the ends of the range do not show it."""
     setup = "data.qpos[0] = {a} == 2 ? Math.PI : 0"
@@ -98,3 +125,16 @@ def test_a_key_of_either_sign_needs_a_tolerance(draw: list[float], tol: float | 
     ):
         told = explain({**question, "q": "{a}?", "draw": {"a": draw}})
         assert [why.partition(":")[0] for why in told] == [at] * is_told
+
+
+def test_a_remark_at_an_end_is_kept_with_the_checks_that_passed(tmp_path: Path) -> None:
+    raw = {
+        "id": "q", "kind": "numeric", "q": "Energy {a}^4?", "draw": {"a": [0.1, 2]}, "answer": 1.2155, "tol": 0.2,
+        "verify": {"by": "expression", "expr": "{a}**4"},
+    }  # fmt: skip
+    (tmp_path / "quizzes").mkdir()
+    (tmp_path / "quizzes/a.json").write_text(json.dumps({"id": "a", "title": "A", "questions": [raw]}))
+    library, passed = load(tmp_path), PassedChecks(tmp_path / "passed")
+    first, again = (list(certify_quizzes(library, ["a"], passed)) for _ in range(2))
+    assert first == again
+    assert [one.certificate.remarks for one in again if one.certificate and one.certificate.remarks]

@@ -1,7 +1,7 @@
 """Keys of questions with drawn numbers: derived for those of a learner, and certified at the ends of their ranges."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
@@ -10,6 +10,7 @@ from grader.errors import GraderError
 from grader.experiments.limits import UNCERTAINTY_SHARE
 from grader.questions import AnswerKey, ModelXml, NumberKey, Question, kind_of
 from grader.questions.drawing import PROSE, Drawable, draw_numbers, list_corners, list_names
+from grader.questions.kinds.number import explain_wide
 
 INSIDE = 8
 """Draws of which the sign of a key without a tolerance is looked at, beside the ends of the ranges."""
@@ -60,8 +61,9 @@ def is_known(certificate: Certificate, key: AnswerKey) -> bool:
 
 
 def certify_corners(question: Question, model_xml: ModelXml) -> Iterator[tuple[AnswerKey, Certificate]]:
-    """Yields the certificates that fail for numbers at the ends of their ranges, with the key of the question. A key
-    that is derived there must hold at other timesteps, too, and must come from every number."""
+    """Yields the certificates that fail for numbers at the ends of their ranges, with the key of the question, and one
+    with a remark where a tolerance is too wide there. A key that is derived there must hold at other timesteps, too,
+    and must come from every number."""
     keys = kind_of(question).answer_keys(question)
     for name in list_unused(cast(Drawable, question)):
         why = (
@@ -70,6 +72,7 @@ def certify_corners(question: Question, model_xml: ModelXml) -> Iterator[tuple[A
         )
         yield keys[0], Certificate("cannot tell", why, "verify", None, keys[0].answer, key="draw")
     signs: dict[str, set[bool]] = {key.place: set() for key in keys}
+    held: dict[str, list[tuple[str, Certificate]]] = {key.place: [] for key in keys}
     for numbers in list_corners(cast(Drawable, question).draw):
         try:
             posed = settle(question, numbers, model_xml)
@@ -81,13 +84,31 @@ def certify_corners(question: Question, model_xml: ModelXml) -> Iterator[tuple[A
             certificate = certify_key(own, model_xml)
             if certificate is not None and not certificate.ok:
                 yield key, replace(certificate, why=f"with {describe(numbers)}: {certificate.why}", key="draw")
+            elif certificate is not None:
+                held[key.place].append((describe(numbers), certificate))
     for key in keys:
+        yield from remark_wide(key, held[key.place])
         if not isinstance(key, NumberKey) or has_tolerance(cast(Drawable, question), key):
             continue
         if len(signs[key.place]) > 1 or changes_sign(question, key, signs[key.place], model_xml):
             why = "the key has either sign, and without `tol` next to nothing is right where it is near 0: give tol"
             at = f"{key.place}.tol" if key.place else "tol"
             yield key, Certificate("cannot tell", why, "verify", None, key.answer, key=at)
+
+
+def remark_wide(key: AnswerKey, held: Sequence[tuple[str, Certificate]]) -> Iterator[tuple[AnswerKey, Certificate]]:
+    """Yields a key and its smallest certificate of those that hold at the ends of the ranges, with a remark where the
+    tolerance is too wide for it. A key of either sign has no smallest one, and one is enough that the middle has."""
+    if not isinstance(key, NumberKey) or explain_wide(key.answer, key.tolerance) is not None or not held:
+        return
+    at, smallest = min(held, key=lambda end: abs(end[1].expected))
+    why = explain_wide(smallest.expected, smallest.tolerance or 0.0)
+    if why is not None and len({certificate.expected > 0 for _, certificate in held}) == 1:
+        remark = (
+            f"With {at} the key is {smallest.expected:.4g}, and tol is {smallest.tolerance:g}: {why}, or leave it out "
+            "for 2 % of each key."
+        )
+        yield key, smallest.with_remark(remark)
 
 
 def changes_sign(question: Question, key: AnswerKey, signs: set[bool], model_xml: ModelXml) -> bool:

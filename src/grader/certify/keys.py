@@ -86,17 +86,25 @@ def name_slip(question: Question, key: AnswerKey, certificate: Certificate) -> C
 
 
 def certify_drawn(library: Library, quiz: str, question: Question, passed: PassedChecks) -> Iterator[CertifiedKey]:
-    """Yields the certificates of a question that fail at the ends of what is drawn."""
-    failed = passed.run(
+    """Yields the certificates of a question that fail or are remarked on at the ends of what is drawn."""
+    keys = {key.place: key for key in kind_of(question).answer_keys(question)}
+    told = passed.run(
         "corners",
         list_inputs(question, library.models),
         lambda _: list(certify_corners(question, library.model_xml)),
         text_of=library.text,
-        write=lambda some: None if some else {},
-        read=lambda _: [],
+        write=lambda some: {key.place: asdict(certificate) for key, certificate in some} if is_all_held(some) else None,
+        read=lambda stored: [
+            (keys[place], certificate) for place, one in stored.items() if (certificate := read_certificate(one))
+        ],
     )
-    for key, certificate in failed:
+    for key, certificate in told:
         yield CertifiedKey(quiz, question, key, certificate)
+
+
+def is_all_held(certified: Iterable[tuple[AnswerKey, Certificate]]) -> bool:
+    """Whether no certificate fails."""
+    return all(certificate.ok for _, certificate in certified)
 
 
 def propose_for_key(

@@ -60,11 +60,18 @@ def target_warnings(target: Target) -> Iterator[Remark]:
         yield Remark("unit", f"{target.unit!r} is not a known unit, so that nothing is converted: {cure}")
     if target.tolerance == 0 and target.tol is None:
         yield Remark("tol", "2 % of 0 is 0: give tol, or only an exact 0 is right")
-    if target.answer and target.tolerance >= abs(target.answer):
-        yield Remark("tol", "it is as large as the answer, so that 0 is right too: give a smaller one")
-    elif target.answer and target.tolerance > abs(target.answer) * WIDE:
-        low, high = target.answer - target.tolerance, target.answer + target.tolerance
-        yield Remark("tol", f"it is wide: everything from {low:.4g} to {high:.4g} is right; give a smaller one")
+    if why := explain_wide(target.answer, target.tolerance):
+        yield Remark("tol", why)
+
+
+def explain_wide(answer: float, tolerance: float) -> str | None:
+    """Returns why a tolerance accepts too much about an answer; None where it does not, or the answer is 0."""
+    if answer and tolerance >= abs(answer):
+        return "it is as large as the answer, so that 0 is right too: give a smaller one"
+    if answer and tolerance > abs(answer) * WIDE:
+        low, high = answer - tolerance, answer + tolerance
+        return f"it is wide: everything from {low:.4g} to {high:.4g} is right; give a smaller one"
+    return None
 
 
 def list_typed_numbers(target: Target) -> list[str]:
