@@ -123,6 +123,7 @@ def test_a_factor_of_a_formula_neither_certifies_nor_refutes_in_another_unit() -
         key = NumberKey(kind="numeric", text="", verify=verify, answer=answer, tolerance=0.01 * answer, unit="ms")
         certificate = certify_key(key, dict[str, str]().__getitem__)
         assert certificate is not None and (certificate.verdict, certificate.key) == ("cannot tell", "unit")
+        assert "gives a value in s, and the unit is ms" in certificate.why
 
 
 def test_a_key_in_another_unit_is_not_certified() -> None:

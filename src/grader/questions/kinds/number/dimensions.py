@@ -115,9 +115,8 @@ def explain_unit(text: str, model: mujoco.MjModel, unit: str) -> str | None:
         cure = "name masses and lengths in it by their fields, such as model.body_mass[1], or write another unit"
         return f"the expression gives a value in {what}, which the unit {unit} does not measure: {cure}"
     if measured.size is not None and wanted.size is not None and not isclose(measured.size, wanted.size):
-        what = (
-            f"a value in {measured.name or 'base units'}" if any(measured.powers) or measured.name else "a plain ratio"
-        )
+        base = _spell(measured.powers) if isclose(measured.size, 1) else "base units"
+        what = f"a value in {measured.name or base}" if measured.name or any(measured.powers) else "a plain ratio"
         return f"the expression gives {what}, and the unit is {unit}: convert one"
     if measured.size is not None and not measured.may_count and counts_turns(unit):
         what = measured.name or "rad and s"
