@@ -36,6 +36,8 @@ SWING = {"xml": SPRING, "setup": "data.qpos[0] = 0.5", "expr": "data.qvel[0]", "
         ("How far from the start does the ball get?", "m", 0, FALL | {"expr": "data.qpos[0]"}, "1.226"),
         ("How fast is it at most?", "m/s", 2.17, SWING, "2.7"),
         ("What is its mean speed?", "m/s", -2.4525, FALL | {"when": "mean"}, "2.45"),
+        ("What is the mean speed over 0.5 s?", "m/s", -2.4525, FALL | {"when": "mean"}, "2.45"),
+        ("How far does it overshoot its rest?", "m", 0.39, SWING | {"expr": "-data.qpos[0]"}, ""),
         ("How fast is it at most?", "m/s", 4.905, FALL | {"expr": "-data.qvel[0]"}, ""),
         ("How fast is it at most?", "m/s", 4.905, FALL | {"expr": "Math.abs(data.qvel[0])"}, ""),
         ("What is the largest velocity?", "m/s", 0, FALL, ""),

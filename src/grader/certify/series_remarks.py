@@ -24,8 +24,8 @@ DISTANCE = re.compile(r"\b(?:how far|farthest|furthest|distance(?! of \d))\b", r
 """Words for what has no sign, where no number follows that is given."""
 
 DIRECTED = re.compile(
-    r"\b(?:up|down|left|right|\w+wards?|above|below|beyond|past|over\w*|towards?|back|side|direction|positive|negative|"
-    r"signed|sign)\b",
+    r"\b(?:up|down|left|right|(?:up|down|for|back|to|in|out)wards?|above|below|beyond|past|overshoot\w*|back|side|"
+    r"direction|positive|negative|signed|sign)\b",
     re.I,
 )
 """Words for one of the two directions of a motion."""
