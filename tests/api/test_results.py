@@ -127,7 +127,7 @@ def test_the_gradebook_has_a_row_for_each_learner_and_none_for_instructors(eithe
     assert tina.get(f"{API}/gradebook.csv?quiz=none").status_code == 404
     assert tina.get(f"{API}/gradebook.csv?format=excel").status_code == 422
     [abel] = [row["id"] for row in rows if row["user"] == "abel"]
-    assert tina.patch(f"{API}/members/{abel}", json={"name": "ann"}).status_code == 200
+    assert tina.patch(f"{API}/members/{abel}", json={"name": "anna"}).status_code == 200
     text = tina.get(f"{API}/gradebook.csv", params={"quiz": "small", "format": "moodle"}).text
     assert sorted(row["Username"] for row in csv.DictReader(io.StringIO(text))) == ["abel", "ann", "bob", "zoe"]
 

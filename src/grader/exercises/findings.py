@@ -8,6 +8,7 @@ from grader.domain.verdict import Finding
 from grader.exercises.kind import JudgedTrial, Judgement, Trial
 from grader.exercises.parameters import ExerciseParameters, name_cases
 from grader.questions.kinds.script import ScriptQuestion
+from grader.sandbox.cleaning import make_showable, replace_hidden
 
 AnyJudged = JudgedTrial[Any, Any]
 
@@ -72,16 +73,22 @@ def build_trial_findings(judged: AnyJudged, id_: str, title: str, points: float)
 
 def build_finding(judged: AnyJudged, id_: str, title: str, points: float) -> Finding:
     """Returns the finding of a trial; of a hidden one neither detail nor measured nor expected values. The detail may
-    say how far the result is off, so the direction leaves it out."""
+    say how far the result is off, so the direction leaves it out. Some hold what the script's process says of a value,
+    so that all are cleaned."""
     shown = judged.judgement if not judged.hidden else Judgement(judged.judgement.passed, "", None)
     return Finding(
         id=id_, title=title, passed=judged.counts, points=points if judged.counts else 0.0,
-        max_points=points, message=" ".join(filter(None, (choose_message(judged), shown.detail))),
-        direction=choose_message(judged), measured=shown.measured, expected=shown.expected
+        max_points=points, message=" ".join(filter(None, (choose_message(judged), show_line(shown.detail)))),
+        direction=choose_message(judged), measured=make_showable(shown.measured), expected=shown.expected
     )  # fmt: skip
 
 
 def choose_message(judged: AnyJudged) -> str:
     """Returns the message of the finding: `unmet` where the trial passed but does not count."""
     judgement = judged.judgement
-    return judgement.unmet if judgement.passed and not judged.counts else judgement.message
+    return show_line(judgement.unmet if judgement.passed and not judged.counts else judgement.message)
+
+
+def show_line(text: str) -> str:
+    """Returns a text on one line, with nothing in it that cannot be shown."""
+    return replace_hidden(text).replace("\n", " ")

@@ -29,16 +29,17 @@ def clean_reason(text: str) -> str:
 def read_json(raw: bytes) -> Any:
     """Read JSON that a script's process wrote; its texts are fit to be shown. An escape may stand for half of a
     surrogate pair, which no UTF-8 can hold. Raises ValueError and RecursionError."""
-    return _replace_in(json.loads(raw))
+    return make_showable(json.loads(raw))
 
 
-def _replace_in(value: Any) -> Any:
+def make_showable(value: Any) -> Any:
+    """Replace what cannot be shown in every text of a value of JSON."""
     if isinstance(value, str):
         return replace_hidden(value)
     if isinstance(value, list):
-        return list(map(_replace_in, value))
+        return list(map(make_showable, value))
     if isinstance(value, dict):
-        return {replace_hidden(key): _replace_in(item) for key, item in value.items()}
+        return {replace_hidden(key): make_showable(item) for key, item in value.items()}
     return value
 
 

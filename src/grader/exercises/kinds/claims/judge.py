@@ -8,7 +8,6 @@ import numpy as np
 from grader.exercises.judgement import Judgement, Part, Results, tell_to_convert
 from grader.exercises.kinds.claims.measuring import MeasuredClaim, measure_claims
 from grader.exercises.kinds.claims.parameters import Claim, Floats, Problem
-from grader.sandbox.cleaning import clean_reason
 
 FIGURES = 7
 ALL_RIGHT = "Every claim agrees with our own measurement."
@@ -57,7 +56,7 @@ def compare(problem: Problem, claim: Claim, results: Results, index: int, measur
     values = results.get(f"c{index}")
     if values is None or values.dtype != np.float64 or not np.isfinite(values).all():
         other = results.get(f"other{index}", np.empty(0, np.uint8))
-        text = clean_reason(other.tobytes()[:200].decode(errors="replace")) or "nothing"
+        text = other.tobytes()[:200].decode(errors="replace") or "nothing"
         wanted = {"number": "a finite number", "interval": "two finite numbers, low and high",
                   "curve": "a finite number for each x"}[claim.form]  # fmt: skip
         why = f"The function must return {claim.name} as {wanted}{tell_to_convert(text)}."

@@ -13,7 +13,6 @@ from grader.numerics.integrators import BY_NAME, Integrator
 from grader.numerics.scene import Scene
 from grader.numerics.stability.horizon import warns_within
 from grader.numerics.stability.linear import RADIUS_NOISE, compute_spectral_radius
-from grader.sandbox.cleaning import clean_reason
 
 SLACK = 0.003
 """Relative widening of the span from the linear stability limit to the limit within the horizon, on both sides.
@@ -123,7 +122,7 @@ def read_claim(results: Results) -> Claim:
     if not is_claim or not np.isfinite(values).all():
         text: Any = results.get("other")
         written = text.tobytes() if text is not None and text.dtype == np.uint8 else b""
-        return Unreadable(clean_reason(written[:200].decode(errors="replace")))
+        return Unreadable(written.decode(errors="replace")[:200])
     if values.size == 0:
         return NoLimit()
     if values.size == 1:

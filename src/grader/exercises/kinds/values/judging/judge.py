@@ -8,7 +8,6 @@ import numpy as np
 from grader.exercises.judgement import Judgement, Results, tell_to_convert
 from grader.exercises.kinds.values.judging.driver import Rows, to_numbers
 from grader.exercises.kinds.values.judging.problem import Call, Problem, RanTooLong, Residual, Result
-from grader.sandbox.cleaning import clean_reason
 
 ELEMENTS_SHOWN = 12
 
@@ -49,7 +48,7 @@ def read_answer(problem: Problem, results: Results, index: int) -> Answer:
         return Answer(tuple(value for value in values if value is not None))
     text = results.get(f"other{index}", np.empty(0, np.uint8))
     printed: Any = results.get(f"printed{index}", np.zeros(1, np.uint8))
-    return Answer(None, clean_reason(text.tobytes()[:200].decode(errors="replace")), bool(np.any(printed == 1)))
+    return Answer(None, text.tobytes()[:200].decode(errors="replace"), bool(np.any(printed == 1)))
 
 
 def compute_tolerance(result: Result, expected: Rows) -> float:
