@@ -79,7 +79,7 @@ def build_finding(judged: AnyJudged, id_: str, title: str, points: float) -> Fin
     return Finding(
         id=id_, title=title, passed=judged.counts, points=points if judged.counts else 0.0,
         max_points=points, message=" ".join(filter(None, (choose_message(judged), show_line(shown.detail)))),
-        direction=choose_message(judged), measured=make_showable(shown.measured), expected=shown.expected
+        direction=choose_message(judged), measured=make_showable(shown.measured, show_line), expected=shown.expected
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 import json
 import re
 import unicodedata
+from collections.abc import Callable
 from typing import Any
 
 # CSI and OSC sequences, then any other two-character escape. Source: ECMA-48.
@@ -13,6 +14,13 @@ NEWLINES = re.compile(r"\r\n?|[\x0b\x0c\x85\u2028\u2029]")
 # Controls, formats (bidi among them), surrogates, private use, unassigned.
 UNSHOWABLE = {"Cc", "Cf", "Cs", "Co", "Cn"}
 REASON_CHARS_MAX = 300
+
+
+def replace_hidden(text: str) -> str:
+    """Replace every character that cannot be shown by U+FFFD."""
+    text = NEWLINES.sub("\n", ESCAPES.sub("", text))
+    bad = {c for c in set(text) if c not in "\n\t" and unicodedata.category(c) in UNSHOWABLE}
+    return text.translate({ord(character): "\ufffd" for character in bad})
 
 
 def clean(raw: bytes, bytes_max: int) -> str:
@@ -32,19 +40,12 @@ def read_json(raw: bytes) -> Any:
     return make_showable(json.loads(raw))
 
 
-def make_showable(value: Any) -> Any:
-    """Replace what cannot be shown in every text of a value of JSON."""
+def make_showable(value: Any, show: Callable[[str], str] = replace_hidden) -> Any:
+    """Return a value of JSON whose texts, and names, are as `show` returns them."""
     if isinstance(value, str):
-        return replace_hidden(value)
+        return show(value)
     if isinstance(value, list):
-        return list(map(make_showable, value))
+        return [make_showable(item, show) for item in value]
     if isinstance(value, dict):
-        return {replace_hidden(key): make_showable(item) for key, item in value.items()}
+        return {show(key): make_showable(item, show) for key, item in value.items()}
     return value
-
-
-def replace_hidden(text: str) -> str:
-    """Replace every character that cannot be shown by U+FFFD."""
-    text = NEWLINES.sub("\n", ESCAPES.sub("", text))
-    bad = {c for c in set(text) if c not in "\n\t" and unicodedata.category(c) in UNSHOWABLE}
-    return text.translate({ord(character): "\ufffd" for character in bad})
