@@ -39,3 +39,10 @@ def test_a_crossing_is_right_by_either_state() -> None:
     for answer in (0.44653, 0.45653):
         verify = {"expr": "lib.bodyPos('b')[2]", "when": "crossing", "level": 0, "direction": "down", "seconds": 0.6}
         assert certify(answer, 0.003, "s", xml=FALL, **verify).ok
+
+
+def test_of_the_end_alone_only_the_last_value_is_finite() -> None:
+    """A ball that falls has the speed g t: over the time it is g, and 0 over 0 at the start."""
+    assert certify(9.81, 0.01, "", xml=FALL, expr="-data.qvel[0]/data.time", seconds=1, timestep="both").ok
+    why = certify(9.81, 0.01, "", xml=FALL, expr="1/(data.time - data.time)", seconds=1).why
+    assert "has not a finite value at the end" in why

@@ -29,9 +29,10 @@ EVERYTHING = Window()
 
 
 def measure(name: QuantityName, times: Floats, values: Floats, window: Window = EVERYTHING) -> float:
-    """Returns a quantity of a series (n,) at `times` (n,) [s]; NaN where the series does not have it."""
+    """Returns a quantity of a series (n,) at `times` (n,) [s]; NaN where the series does not have it. Of the last value
+    alone the others need not be finite, such as a quotient by the time."""
     times, values = cut(times, values, window)
-    if not len(times) or not np.isfinite(values).all():
+    if not len(times) or not np.isfinite(values[-1:] if name == "final" else values).all():
         return nan
     return float(MEASURES[name](times, values, window))
 
@@ -107,7 +108,8 @@ def explain_absence(quantity: str, expr: str) -> str:
     """Returns why a run has not a quantity of an expression, with the cure."""
     if quantity in ("end", "final", "max", "min", "mean", "rms"):
         before = "set in setup what it reads of ctx, since no controller has run at the start"
-        return f"{expr} has not a finite value throughout: {before if 'ctx.' in expr else 'mend expr'}"
+        when = "at the end" if quantity in ("end", "final") else "throughout"
+        return f"{expr} has not a finite value {when}: {before if 'ctx.' in expr else 'mend expr'}"
     return f"the run has no {quantity.replace('_', ' ')}: make it longer, or mend expr{ABSENCES.get(quantity, '')}"
 
 
