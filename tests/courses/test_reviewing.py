@@ -238,7 +238,7 @@ class Reviewing(RuleBasedStateMachine):
         with self.database.write() as session:
             row = session.get_one(Submission, answer.id)
             self.desk.hold(session, row)
-            if self.holder(answer) not in (None, reviewer):
+            if self.holder(answer) not in (None, reviewer) or self.lacks_second(answer, reviewer):
                 with pytest.raises(Conflict):
                     reviews.decide(self.desk, session, self.who(reviewer), row, mark)
                 return
@@ -260,6 +260,23 @@ class Reviewing(RuleBasedStateMachine):
                 return
             reviews.mark_second(self.desk, session, self.who(reviewer), row, mark)
         answer.second = Given(reviewer, mark)
+        self.claims.pop(answer.id, None)
+
+    @rule(reviewer=reviewers, place=places)
+    def withdraw(self, reviewer: str, place: int) -> None:
+        answer = self.answers[place % len(self.answers)]
+        is_free = self.holder(answer) in (None, reviewer) and not self.lacks_second(answer, reviewer)
+        with self.database.write() as session:
+            row = session.get_one(Submission, answer.id)
+            self.desk.hold(session, row)
+            if answer.first is None or not is_free:
+                with pytest.raises(Conflict):
+                    reviews.withdraw(self.desk, session, self.who(reviewer), row)
+                return
+            reviews.withdraw(self.desk, session, self.who(reviewer), row)
+        answer.first = answer.second = None
+        answer.settled = False
+        answer.revision += 1
         self.claims.pop(answer.id, None)
 
     @rule(place=places, one=marks, other=marks)
@@ -319,7 +336,7 @@ class Reviewing(RuleBasedStateMachine):
         with self.database.read() as session:
             for learner, quiz in {(answer.learner, answer.quiz) for answer in self.answers}:
                 theirs = [answer for answer in self.answers if (answer.learner, answer.quiz) == (learner, quiz)]
-                points = [0.0 if one.first is None else one.first.points(self.rubric) for one in theirs]
+                points = [one.first.points(self.rubric) for one in theirs if one.first is not None] or [0.0]
                 result = session.get_one(Result, LearnerAt(self.course, learner, quiz, "why"))
                 assert result.points == pytest.approx(max(points) if quiz == "twice" else sum(points) / len(points))
                 waiting = theirs[-1:] if quiz == "twice" else theirs

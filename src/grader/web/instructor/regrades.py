@@ -39,8 +39,10 @@ def list_page(
     request: Request, services: AppServices, who: Visitor, what: Annotated[str, Query(max_length=129)] = "",
     like: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:  # fmt: skip
-    """The form that starts a regrade, with a quiz or `quiz/question` chosen, or filled in as for the regrade of the
-    id `like`, and the newest ones; to anyone but an instructor, how to sign in. Raises NotFound without that one."""
+    """The form that starts a regrade, and the newest ones; to anyone but an instructor, how to sign in.
+
+    A quiz or `quiz/question` is chosen, or the form is filled in as for the regrade of the id `like`. Raises NotFound
+    without that one."""
     if who is None or not who.is_instructor:
         return show_sign_in(request, services, who)
     form = {"what": what}
