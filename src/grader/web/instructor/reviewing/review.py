@@ -298,6 +298,8 @@ def render(
     question = desk.question(row)
     if more.get("said") == "decided":
         more["visible"] = describe_visibility(at, more.get("last") or row.id)
+    elif more.get("said") == "withdrawn":
+        more["taken_back"] = describe_withdrawal(at, row, given.verdict)
     context: dict[str, Any] = {
         "card": card,
         "id": row.id,
@@ -310,7 +312,6 @@ def render(
         "marks": marks,
         "waits_for_third": waits_for_third,
         "gives_second": gives_second,
-        "taken_back": describe_withdrawal(at, row, given.verdict),
         "is_decided": is_decided,
         "rubric": list_rubric(question),
         "comments": kept,
