@@ -18,7 +18,8 @@ from grader.errors import NotReady
 from grader.metrics import locked
 from grader.service.opening import open_database as open_service_database
 from grader.settings import Settings
-from grader.store.engine.database import FULL, Database, find_cure
+from grader.store.engine.database import FULL, Database
+from grader.store.engine.unusable import find_cure
 from support.command_line import Terminal, grader
 from support.databases import database_url, need_postgresql, own_database
 from support.proxies import free_port

@@ -49,7 +49,8 @@ def read_settings(**overrides: Any) -> "Settings":
 def connect_database(data: Path | None) -> Iterator["Database"]:
     """Opens the database of the settings with the tables that it has. Says on stderr if it makes a new one. Raises
     NotReady where the database is away or full."""
-    from grader.store.engine.database import Database, naming
+    from grader.store.engine.database import Database
+    from grader.store.engine.unusable import naming
 
     settings = read_settings(data=data)
     file = settings.data.absolute() / "grader.db"

@@ -11,7 +11,8 @@ from grader.courses.people.sign_in import create_sign_in_code
 from grader.courses.people.tokens import revoke_all
 from grader.domain.policy import Extension
 from grader.settings import Settings
-from grader.store.engine.database import Database, naming
+from grader.store.engine.database import Database
+from grader.store.engine.unusable import naming
 from grader.store.upkeep.installation import note_origin
 
 Result = TypeVar("Result")

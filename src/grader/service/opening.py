@@ -11,7 +11,8 @@ from sqlalchemy.exc import OperationalError
 from grader.errors import Unprocessable
 from grader.numerics.version import warn_of_newer
 from grader.settings import Settings
-from grader.store.engine.database import Database, find_cure, naming, put_on_a_line
+from grader.store.engine.database import Database
+from grader.store.engine.unusable import find_cure, naming, put_on_a_line
 
 RETRY_S = 1.0
 """Pause before the next try to reach the database [s]."""

@@ -190,7 +190,7 @@ def run_app(
     server = uvicorn.Server(server_config(app))
     signal.signal(signal.SIGHUP, lambda *_: threading.Thread(target=reload).start())
     server.run([listener])
-    from grader.store.engine.database import naming  # the service has imported it
+    from grader.store.engine.unusable import naming  # the service has imported it
 
     with naming(settings.database):
         app.opened.result()
